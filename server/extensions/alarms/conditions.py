@@ -27,9 +27,9 @@ from imuscope.server.extensions.alarms.definitions import ExpressionCondition, F
 from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
 from imuscope.server.extensions.analysis.expression_functions import Context, euler_angles
 from imuscope.server.extensions.analysis.expression_syntax import Call, ExpressionError, Name, Node, parse
-from imuscope.server.extensions.analysis.expressions import evaluate, names_in
+from imuscope.server.extensions.analysis.expressions import columns_of, evaluate, names_in
 from imuscope.server.extensions.analysis.quantities import Quantity, at_times
-from imuscope.server.extensions.analysis.signals import ANGLES, EULER_ANGLES, SignalColumn, angles_named, columns_named
+from imuscope.server.extensions.analysis.signals import ANGLES, EULER_ANGLES, SignalColumn, columns_named
 from imuscope.server.extensions.analysis.units import NO_UNIT, Unit
 from imuscope.server.wire import ChannelInfo, DeviceInfo
 
@@ -105,7 +105,7 @@ class ExpressionJudge:
     ) -> None:
         self._missing_s = missing_s
         node = checked(condition)
-        by_name = [_columns(infos, name) for name in names_in(node)]
+        by_name = [columns_of(infos, name) for name in names_in(node)]
         every = {column.name: column for columns, _ in by_name for column in columns}
         self.columns: Sequence[SignalColumn] = list(every.values())
         self.signals: Sequence[str] = list(
@@ -121,7 +121,7 @@ class ExpressionJudge:
             if name.name not in self._named:
                 part = self._along.parts.get(name.name)
                 self._named[name.name] = (
-                    _source(*_columns(infos, name)) if part is None else _Source(name.name, part.probe)
+                    _source(*columns_of(infos, name)) if part is None else _Source(name.name, part.probe)
                 )
         self._sources = frozenset(one.key for one in self._named.values())
         self._buffers: dict[Hashable, list[NDArray[Any]]] = {}
@@ -391,20 +391,6 @@ def _names(columns: Sequence[SignalColumn], angle: str | None) -> list[str]:
     if angle is None:
         return [column.name for column in columns]
     return [f"{EULER_ANGLES}.{one}" for one in ((angle,) if angle else ANGLES)]
-
-
-def _columns(infos: Sequence[ChannelInfo], name: Name) -> tuple[list[SignalColumn], str | None]:
-    """The columns of a name, and the angle that is computed from them; None: they are the signal."""
-    try:
-        if derived := angles_named(infos, name.name):
-            return derived
-        columns = columns_named(infos, [name.name])
-    except DomainError as error:
-        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
-    if len({column.info.columns[column.at].unit for column in columns}) > 1:
-        hint = f"Name one: {', '.join(column.name for column in columns):.400}."
-        raise ExpressionError(f"The columns of {name.name} differ in their units.", name.begin, name.end, hint)
-    return columns, None
 
 
 def _at(quantity: Quantity, axis: Floats, missing_s: float) -> Quantity:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 import numpy as np
@@ -12,6 +13,8 @@ from imuscope.server.extensions.analysis.expression_functions import DELAYED, FU
 from imuscope.server.extensions.analysis.expression_operators import OPERATORS, operate
 from imuscope.server.extensions.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number
 from imuscope.server.extensions.analysis.quantities import Quantity, number
+from imuscope.server.extensions.analysis.signals import SignalColumn, angles_named, columns_named
+from imuscope.server.wire import ChannelInfo
 
 Resolve = Callable[[str], Quantity]
 
@@ -23,6 +26,34 @@ def names_in(node: Node) -> Iterator[Name]:
     elif isinstance(node, Call):
         for argument in node.arguments:
             yield from names_in(argument)
+
+
+def columns_of(infos: Sequence[ChannelInfo], name: Name, device: str = "") -> tuple[list[SignalColumn], str | None]:
+    """The columns of a name, and the Euler angle that is computed from them, "" for all; None: they are the signal.
+
+    Args:
+        device: as for `columns_named`.
+
+    Raises:
+        ExpressionError: there is no such signal, or its columns differ in their units.
+    """
+    with _placed(name):
+        if derived := angles_named(infos, name.name, device):
+            return derived
+        columns = columns_named(infos, [name.name], device)
+    if len({column.info.columns[column.at].unit for column in columns}) > 1:
+        hint = f"Name one: {', '.join(column.name for column in columns):.400}."
+        raise ExpressionError(f"The columns of {name.name} differ in their units.", name.begin, name.end, hint)
+    return columns, None
+
+
+@contextmanager
+def _placed(name: Name) -> Iterator[None]:
+    """Add the place of a name to a DomainError about it."""
+    try:
+        yield
+    except DomainError as error:
+        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
 
 
 def evaluate(node: Node, resolve: Resolve, context: Context) -> Quantity:
@@ -43,10 +74,8 @@ def _value(node: Node, resolve: Resolve, context: Context, known: dict[str, Quan
         return number(node.value, node.unit)
     if isinstance(node, Name):
         if node.name not in known:
-            try:
+            with _placed(node):
                 known[node.name] = resolve(node.name)
-            except DomainError as error:
-                raise ExpressionError(error.message, node.begin, node.end, error.hint) from None
         return known[node.name]
     is_function = node.name not in OPERATORS
     if is_function and node.name not in FUNCTIONS:

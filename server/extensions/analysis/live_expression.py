@@ -30,7 +30,7 @@ from imuscope.server.extensions.analysis.expression_functions import (
 )
 from imuscope.server.extensions.analysis.expression_operators import OPERATORS, operate
 from imuscope.server.extensions.analysis.expression_syntax import Call, ExpressionError, Name, Node, Number, parse
-from imuscope.server.extensions.analysis.expressions import evaluate, names_in
+from imuscope.server.extensions.analysis.expressions import columns_of, evaluate, names_in
 from imuscope.server.extensions.analysis.live_streams import (
     Derivative,
     Filtered,
@@ -47,7 +47,7 @@ from imuscope.server.extensions.analysis.live_streams import (
     Unwrapped,
 )
 from imuscope.server.extensions.analysis.quantities import Quantity, number
-from imuscope.server.extensions.analysis.signals import Floats, SignalColumn, angles_named, columns_named, grouped
+from imuscope.server.extensions.analysis.signals import Floats, SignalColumn, grouped, meant
 from imuscope.server.extensions.analysis.units import Unit
 from imuscope.server.wire import ChannelInfo
 
@@ -103,12 +103,9 @@ class LiveExpression:
         angles: dict[str, str] = {}
         for name in names_in(node):
             if name.name not in self._columns:
-                device = name.name.partition("/")[0]
-                there = [info for info in distant if info.device == device]
-                if euler := _angles(there or known, name):
-                    self._columns[name.name], angles[name.name] = euler
-                else:
-                    self._columns[name.name] = _columns(there or known, name)
+                self._columns[name.name], angle = columns_of(meant(known, distant, name.name), name)
+                if angle is not None:
+                    angles[name.name] = angle
         if not self._columns:
             message = f"{expression:.80} names no signal." if isinstance(expression, str) else "No signal is named."
             raise DomainError("bad-expression", message, "Name a signal in it.")
@@ -170,20 +167,6 @@ def usual_rate(times: Floats) -> float:
     return 1 / float(steps[steps <= 1.5 * np.median(steps)].mean())
 
 
-def _angles(infos: Sequence[ChannelInfo], name: Name) -> tuple[list[SignalColumn], str] | None:
-    try:
-        return angles_named(infos, name.name)
-    except DomainError as error:
-        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
-
-
-def _columns(infos: Sequence[ChannelInfo], name: Name) -> list[SignalColumn]:
-    try:
-        return columns_named(infos, [name.name])
-    except DomainError as error:
-        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
-
-
 class _Builder:
     """Makes the streams of a tree. Units, arguments and limits are checked by computing some made-up samples."""
 
@@ -231,9 +214,6 @@ class _Builder:
         if rate <= 0:
             message = f"The rate of {info.name} is not known yet."
             raise RateUnknownError(message, node.begin, node.end, "Wait until it has sent some samples.")
-        if len({one.unit for one in own}) > 1:
-            hint = f"Name one: {', '.join(column.name for column in columns):.400}."
-            raise ExpressionError(f"The columns of {node.name} differ in their units.", node.begin, node.end, hint)
         time = self._times.setdefault(info.id, np.arange(PROBE) / rate)
         names = tuple(one.name for one in own) if len(own) > 1 else ("",)
         parts = tuple(np.ones(PROBE) for _ in own)

@@ -10,8 +10,8 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.companions import companions_in
 from imuscope.server.extensions.analysis.data_sheet import Product, data_sheet_of, unknown_product
 from imuscope.server.extensions.analysis.expression_functions import Context, SampleBudget, euler_angles
-from imuscope.server.extensions.analysis.expression_syntax import ExpressionError, Name, Node, parse
-from imuscope.server.extensions.analysis.expressions import evaluate, names_in, notes_of
+from imuscope.server.extensions.analysis.expression_syntax import Node, parse
+from imuscope.server.extensions.analysis.expressions import columns_of, evaluate, names_in, notes_of
 from imuscope.server.extensions.analysis.quantities import Quantity
 from imuscope.server.extensions.analysis.signals import (
     Floats,
@@ -22,6 +22,7 @@ from imuscope.server.extensions.analysis.signals import (
     angles_named,
     columns_named,
     finite_signal,
+    meant,
     temperature_of,
 )
 from imuscope.server.extensions.analysis.units import NO_UNIT, Unit
@@ -79,9 +80,6 @@ class ExpressionSignal:
             if name in self.angles:
                 turned = Quantity(parts, NO_UNIT, time, tuple(one.name for one in own), breaks=breaks)
                 return euler_angles(turned, self.angles[name])
-            if len({one.unit for one in own}) > 1:
-                hint = f"Name one: {', '.join(column.name for column in columns):.400}."
-                raise DomainError("bad-expression", f"The columns of {name} differ in their units.", hint)
             names = tuple(one.name for one in own) if len(own) > 1 else ("",)
             return Quantity(parts, Unit.parse(own[0].unit), time, names, own[0].period, breaks=breaks)
 
@@ -142,7 +140,7 @@ def requested_signals(
     beside = functools.cache(functools.partial(companions_in, [*known, *others]))
     for word in words:
         try:
-            columns = columns_named(_meant(known, others, word), [word], device)
+            columns = columns_named(meant(known, others, word), [word], device)
             signals += [
                 replace(
                     one,
@@ -155,7 +153,7 @@ def requested_signals(
                 for one in columns
             ]
         except DomainError:
-            if angles_named(_meant(known, others, word), word, device) is not None:
+            if angles_named(meant(known, others, word), word, device) is not None:
                 signals.append(
                     replace(expression_over(known, f'"{word}"', context, device, others, segments), text=word)
                 )
@@ -185,12 +183,9 @@ def expression_over(
     for name in names_in(node):
         if name.name in named:
             continue
-        there = _meant(infos, others, name.name)
-        if euler := _angles(there, name, device):
-            named[name.name], angles[name.name] = euler
-        else:
-            named[name.name] = _columns(there, name, device)
-        columns = named[name.name]
+        columns, angle = columns_of(meant(infos, others, name.name), name, device)
+        if angle is not None:
+            angles[name.name] = angle
         named[name.name] = [replace(one, breaks=tuple(segments.get(one.device, ()))) for one in columns]
     return ExpressionSignal(text, node, named, context, angles)
 
@@ -200,23 +195,3 @@ def _may_be_expression(word: str, infos: Sequence[ChannelInfo]) -> bool:
     if addressed := addressed_device(infos, word):
         word = word.removeprefix(f"{addressed}/")
     return bool(SIGNS.intersection(word)) or any(one in word for one in WORDS)
-
-
-def _meant(infos: Sequence[ChannelInfo], others: Sequence[ChannelInfo], word: str) -> Sequence[ChannelInfo]:
-    """The channels among which a name is looked up."""
-    device, slash, _ = word.partition("/")
-    return [info for info in others if slash and info.device == device] or infos
-
-
-def _angles(infos: Sequence[ChannelInfo], name: Name, device: str) -> tuple[list[SignalColumn], str] | None:
-    try:
-        return angles_named(infos, name.name, device)
-    except DomainError as error:
-        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None
-
-
-def _columns(infos: Sequence[ChannelInfo], name: Name, device: str) -> list[SignalColumn]:
-    try:
-        return columns_named(infos, [name.name], device)
-    except DomainError as error:
-        raise ExpressionError(error.message, name.begin, name.end, error.hint) from None

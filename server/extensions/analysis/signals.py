@@ -193,6 +193,12 @@ def addressed_device(infos: Iterable[ChannelInfo], word: str) -> str:
     return device if slash and any(info.device == device for info in infos) else ""
 
 
+def meant(infos: Sequence[ChannelInfo], others: Sequence[ChannelInfo], word: str) -> Sequence[ChannelInfo]:
+    """The channels among which a name is looked up."""
+    device, slash, _ = word.partition("/")
+    return [info for info in others if slash and info.device == device] or infos
+
+
 def angles_named(infos: Iterable[ChannelInfo], word: str, device: str = "") -> tuple[list[SignalColumn], str] | None:
     """The quaternion behind Euler angles that a device does not send, which the page shows as `EulerAngles.yaw`.
 
