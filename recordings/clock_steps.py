@@ -26,8 +26,6 @@ StepKind = Literal["back", "ahead", "wrap"]
 
 APART = 2.0  # of the length that is a gap: the unknown time between two segments is drawn, and found, as one
 NEXT_ROWS = 8  # rows within which a clock that is only out of order returns
-AHEAD = 5.0  # usual steps, and ...
-AHEAD_SPREAD = 3.0  # ... times the longest of nearly all steps in the sample
 PAUSE_S = 60.0  # a longer step ahead begins a segment; a shorter one is a gap
 COARSE = 0.5  # of the rows repeat a time
 MOST_STEPS = 10_000

@@ -15,7 +15,6 @@ from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.read_memory import MAX_READS, NEVER, ReadFollower
 
 OUT_BYTES = 1 << 18
-LONGEST_NS = 1_000_000_000
 
 
 class DirectWriter:

@@ -26,7 +26,6 @@ import numpy as np
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.sources import ChunkBlock, McapSource, Source
 
-SPEEDS = (0.1, 50.0)
 TURN_NS = 100_000_000  # between two turns of a loop: plot lines break there
 
 

@@ -31,7 +31,7 @@ from imuscope.server.tasks import end_tasks
 
 OPEN_S = 10.0
 STUCK_S = 20.0
-TRY_LATER, RESTARTING, FAILED = 1013, 1012, 1011  # codes of a closed WebSocket (IANA registry)
+RESTARTING, FAILED = 1012, 1011  # codes of a closed WebSocket (IANA registry)
 GOING, LOST = 1001, 1006  # closed by a viewer that ends, and connection lost
 
 # A viewer's page may do what its own code needs, but connect to this server only.

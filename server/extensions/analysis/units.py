@@ -13,8 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
-Powers = Mapping[str, Fraction]
-
 G = 9.80665  # m/s²
 _DEGREE = math.pi / 180
 

@@ -29,7 +29,6 @@ from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.foxglove.worker"
 OFF = -1
-DEFAULT_PORT = 8765  # default of Foxglove's own tools
 START_S = 60.0
 AGAIN_S, LONGEST_S = 1.0, 60.0
 STEADY_S = 120.0  # after running this long, the next crash counts as the first

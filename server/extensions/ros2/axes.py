@@ -11,7 +11,6 @@ At rest and level a device reports an acceleration of +g upwards: z is +9.81 in 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 from imuscope.protocols.rotations import ENU_FROM, Quaternion, product
 
 Floats = NDArray[np.float64]
-BodyAxes = Literal["FLU", "FRD"]
 
 FLIP = np.array([1.0, -1.0, -1.0])  # FRD and FLU: half a turn about x
 FLU_FROM: Mapping[str, Floats] = {"FLU": np.ones(3), "FRD": FLIP}
