@@ -4,6 +4,7 @@
  */
 import { type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
+import { Button } from "../ui/button";
 import { Select } from "../ui/choices";
 import { api, type HowToRead, type Outcome, type HttpProblem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
@@ -190,22 +191,21 @@ export function AddDevice({ begin, address, onClose, onAdded }: Props) {
         {problem.value && <ProblemNote id="source-problem" problem={problem.value} />}
         {!begin && <Examples take={take} />}
         <div class="row">
-          <button type="button" class="btn" onClick={onClose}>
-            {COMMON.cancel}
-          </button>
-          <button
+          <Button words={COMMON.cancel} onClick={onClose} />
+          <Button
             type="submit"
-            class="btn main"
+            look="main"
+            words={
+              busy.value
+                ? COMMON.sending
+                : !begin
+                  ? TEXT.add
+                  : entry.isChangedBesideSecrets
+                    ? COMMON.apply
+                    : TEXT.useKey
+            }
             disabled={busy.value || source.value.trim() === "" || (begin !== undefined && !entry.isChanged)}
-          >
-            {busy.value
-              ? COMMON.sending
-              : !begin
-                ? TEXT.add
-                : entry.isChangedBesideSecrets
-                  ? COMMON.apply
-                  : TEXT.useKey}
-          </button>
+          />
         </div>
       </form>
     </Dialog>

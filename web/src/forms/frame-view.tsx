@@ -1,5 +1,6 @@
 /** The frames to be sent, as annotated bytes: pointing at a row highlights the row, its bytes and its share. */
 import { useState } from "preact/hooks";
+import { Button } from "../ui/button";
 import { copyText } from "../ui/copy";
 import { chipsOf, spelled } from "./frame-chips";
 import type { FrameInfo } from "./types";
@@ -37,9 +38,7 @@ export function BytesView({ frames, changed, hot, hover }: Props) {
             : ""}
         </span>
         <span class="grow" />
-        <button type="button" class="btn small" onClick={() => void copy()}>
-          {said || TEXT.copyHex}
-        </button>
+        <Button look="small" words={said || TEXT.copyHex} onClick={() => void copy()} />
       </div>
       {frames.slice(0, MAX_FRAMES).map((frame, k) => (
         <Frame key={k} frame={frame} named={frames.length > 1} changed={changed} hot={hot} hover={hover} />

@@ -1,6 +1,6 @@
 /** A list to fill in: entries that can be added, removed and put in another order; each a record, a word of flags, or a number. */
+import { Button } from "../ui/button";
 import { IconButton } from "../ui/icon-button";
-import { Icon } from "../ui/icons";
 import { wasAt } from "./edits";
 import { FieldEditor, FieldList } from "./field";
 import type { InputProps } from "./inputs";
@@ -72,15 +72,13 @@ export function ListInput({ sheet, field, path }: InputProps) {
         ))}
       </ol>
       {!fixed && (
-        <button
-          type="button"
-          class="btn edge small"
+        <Button
+          look="edge small"
+          icon="plus"
+          words={full ? TEXT.atMostEntries(field.max_length) : TEXT.addEntry}
           disabled={full}
           onClick={() => set([...entries, initialElement(field)])}
-        >
-          <Icon name="plus" />
-          {full ? TEXT.atMostEntries(field.max_length) : TEXT.addEntry}
-        </button>
+        />
       )}
     </div>
   );

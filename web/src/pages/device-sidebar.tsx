@@ -6,6 +6,7 @@ import { recently } from "../panels/panel-context";
 import { rateBars } from "../panels/health-history";
 import { drawBars } from "../panels/sparkline";
 import { keyWanted, trustOf } from "../panels/authenticity";
+import { Button } from "../ui/button";
 import { api, type Port } from "../ui/http";
 import { surface } from "../ui/canvas";
 import { behindCause, behindHint } from "../panels/behind-text";
@@ -61,9 +62,12 @@ export function Rail({ app }: { readonly app: App }) {
       <div class="head further">
         <h3>{TEXT.otherSerialPorts}</h3>
         <span class="grow" />
-        <button type="button" class="btn small" disabled={scanning.value} onClick={() => void scanPorts(app)}>
-          {scanning.value ? TEXT.listening : TEXT.scan}
-        </button>
+        <Button
+          look="small"
+          words={scanning.value ? TEXT.listening : TEXT.scan}
+          disabled={scanning.value}
+          onClick={() => void scanPorts(app)}
+        />
       </div>
       {others.length === 0 ? <p class="foot-note dim">{TEXT.noOtherSerialPort}</p> : null}
       <ul>
@@ -262,12 +266,8 @@ function NameForm({ app, device, close }: Pick<DeviceProps, "app" | "device"> & 
           if (event.key === "Escape") close();
         }}
       />
-      <button type="submit" class="btn small edge">
-        {COMMON.save}
-      </button>
-      <button type="button" class="btn small" onClick={close}>
-        {COMMON.cancel}
-      </button>
+      <Button type="submit" look="small edge" words={COMMON.save} />
+      <Button look="small" words={COMMON.cancel} onClick={close} />
     </form>
   );
 }
@@ -283,12 +283,8 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
     return (
       <div class="actions">
         <span class="grow">{shared > 1 ? TEXT.confirmRemoveLink(shared) : TEXT.confirmRemove(fullName(device))}</span>
-        <button type="button" class="btn small edge" onClick={remove}>
-          {TEXT.remove}
-        </button>
-        <button type="button" class="btn small" onClick={() => (removing.value = undefined)}>
-          {COMMON.cancel}
-        </button>
+        <Button look="small edge" words={TEXT.remove} onClick={remove} />
+        <Button look="small" words={COMMON.cancel} onClick={() => (removing.value = undefined)} />
       </div>
     );
   }
@@ -296,23 +292,23 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
     <div class="actions">
       {device.status === "idle" && device.resume && <ResumeButton app={app} device={device} />}
       {device.status !== "live" && !(device.status === "idle" && device.resume) && (
-        <button type="button" class="btn small edge" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
-          {device.status === "ended" ? TEXT.playAgain : TEXT.tryNow}
-        </button>
+        <Button
+          look="small edge"
+          words={device.status === "ended" ? TEXT.playAgain : TEXT.tryNow}
+          onClick={() => void run(app, api.retryDevice(linkOf(device)))}
+        />
       )}
-      <button type="button" class="btn small" title={TEXT.nameHint} onClick={() => (naming.value = true)}>
-        {TEXT.nameDevice}
-      </button>
+      <Button look="small" words={TEXT.nameDevice} title={TEXT.nameHint} onClick={() => (naming.value = true)} />
       {(protocolOf(device.protocol)?.options.length ?? 0) > 0 && (
-        <button type="button" class="btn small" onClick={() => askKey(app, device)}>
-          {TEXT.reading}
-        </button>
+        <Button look="small" words={TEXT.reading} onClick={() => askKey(app, device)} />
       )}
       <Slot name="deviceActions" with={{ app, device }} />
       <span class="grow" />
-      <button type="button" class="btn small" onClick={() => (removing.value = device.id)}>
-        {shared > 1 ? TEXT.removeLink : TEXT.remove}
-      </button>
+      <Button
+        look="small"
+        words={shared > 1 ? TEXT.removeLink : TEXT.remove}
+        onClick={() => (removing.value = device.id)}
+      />
     </div>
   );
 }
@@ -348,14 +344,12 @@ function Ghost({ app, port }: { readonly app: App; readonly port: Port }) {
         <span class="dot off" />
         <b class="ellipsis">{shortSource(port.device)}</b>
         {free ? (
-          <button
-            type="button"
-            class="btn small edge"
+          <Button
+            look="small edge"
+            words={TEXT.connect}
             aria-label={TEXT.connectTo(shortSource(port.device))}
             onClick={() => void connect(app, port.device)}
-          >
-            {TEXT.connect}
-          </button>
+          />
         ) : (
           <span />
         )}

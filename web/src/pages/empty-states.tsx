@@ -1,5 +1,6 @@
 /** Placeholder for the plots while there is nothing to plot: the cause, the facts, and one main action. */
 import { Slot } from "../extension";
+import { Button } from "../ui/button";
 import { api, type HttpProblem } from "../ui/http";
 import { Band } from "../ui/band";
 import { Card, Hint } from "../ui/card";
@@ -35,9 +36,7 @@ export function Starting({ app }: Props) {
       hint={refused && (refused.hint || TEXT.openPrintedAddress)}
     >
       <div class="row">
-        <button type="button" class="btn main" onClick={() => location.reload()}>
-          {TEXT.reload}
-        </button>
+        <Button look="main" words={TEXT.reload} onClick={() => location.reload()} />
       </div>
     </Card>
   );
@@ -65,16 +64,15 @@ export function Empty({ app }: Props) {
         </ol>
       )}
       <div class="row">
-        <button type="button" class="btn main" disabled={scanning.value} onClick={() => void scanPorts(app)}>
-          {scanning.value ? TEXT.scanningPorts : TEXT.scanPorts}
-        </button>
-        <button type="button" class="btn edge" onClick={() => (app.overlay.value = "add")}>
-          {TEXT.addAnAddress}
-        </button>
+        <Button
+          look="main"
+          words={scanning.value ? TEXT.scanningPorts : TEXT.scanPorts}
+          disabled={scanning.value}
+          onClick={() => void scanPorts(app)}
+        />
+        <Button look="edge" words={TEXT.addAnAddress} onClick={() => (app.overlay.value = "add")} />
         {simulated && (
-          <button type="button" class="btn" onClick={() => void connect(app, `sim:${simulated.name}`)}>
-            {TEXT.startASimulator}
-          </button>
+          <Button words={TEXT.startASimulator} onClick={() => void connect(app, `sim:${simulated.name}`)} />
         )}
       </div>
     </Card>
@@ -139,9 +137,7 @@ export function LinkedBand({ app }: Props) {
   return (
     <Band tone="calm" dot="warn" title={TEXT.notConnectedHere} data-key="linked">
       <span class="grow">{TEXT.linkNames(name)}</span>
-      <button type="button" class="btn small" onClick={() => (linked.value = undefined)}>
-        {TEXT.dismiss}
-      </button>
+      <Button look="small" words={TEXT.dismiss} onClick={() => (linked.value = undefined)} />
     </Band>
   );
 }
@@ -164,16 +160,17 @@ function Choices({ app, device, stop = false }: DeviceProps & { readonly stop?: 
   return (
     <div class="row">
       {!stop && (
-        <button type="button" class="btn main" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
-          {TEXT.tryNow}
-        </button>
+        <Button look="main" words={TEXT.tryNow} onClick={() => void run(app, api.retryDevice(linkOf(device)))} />
       )}
-      <button type="button" class="btn edge" onClick={() => void run(app, api.removeDevice(linkOf(device)))}>
-        {stop ? COMMON.stop : TEXT.remove}
-      </button>
-      <button type="button" class="btn" onClick={() => (app.overlay.value = "add")}>
-        {device.link === "serial" ? TEXT.setBaudRate : TEXT.addAnotherAddress}
-      </button>
+      <Button
+        look="edge"
+        words={stop ? COMMON.stop : TEXT.remove}
+        onClick={() => void run(app, api.removeDevice(linkOf(device)))}
+      />
+      <Button
+        words={device.link === "serial" ? TEXT.setBaudRate : TEXT.addAnotherAddress}
+        onClick={() => (app.overlay.value = "add")}
+      />
     </div>
   );
 }
@@ -229,9 +226,11 @@ export function HeldBand({ app, device }: DeviceProps) {
       words={words}
     >
       {!device.resume ? (
-        <button type="button" class="btn edge" onClick={() => void run(app, api.retryDevice(linkOf(device)))}>
-          {state === "ended" ? TEXT.playAgain : TEXT.tryNow}
-        </button>
+        <Button
+          look="edge"
+          words={state === "ended" ? TEXT.playAgain : TEXT.tryNow}
+          onClick={() => void run(app, api.retryDevice(linkOf(device)))}
+        />
       ) : (
         <ResumeButton app={app} device={device} />
       )}
@@ -243,11 +242,7 @@ export function HeldBand({ app, device }: DeviceProps) {
 export function ResumeButton({ app, device }: DeviceProps) {
   const named = writeName(device.id, app.store.devices.value);
   const resume = (): void => void run(app, api.runCommand(named, device.resume));
-  return (
-    <button type="button" class="btn edge" title={device.resume} onClick={resume}>
-      {COMMON.startMeasuring}
-    </button>
-  );
+  return <Button look="edge" words={COMMON.startMeasuring} title={device.resume} onClick={resume} />;
 }
 
 /** The band of a page without its server: the display stays and is marked as old. */
@@ -263,9 +258,7 @@ export function OfflineBand({ app }: Props) {
       title={refused ? titleOf(refused) : since === undefined ? TEXT.noConnection : TEXT.noDataFromServer}
       words={<Message text={refused ? `${refused.message} ${refused.hint}` : words} />}
     >
-      <button type="button" class="btn edge" onClick={() => app.store.retry()}>
-        {TEXT.tryNow}
-      </button>
+      <Button look="edge" words={TEXT.tryNow} onClick={() => app.store.retry()} />
     </Band>
   );
 }
@@ -286,9 +279,7 @@ function FailedBand({ app: { problem } }: Props) {
   if (!shown) return null;
   return (
     <Band dot="bad" title={<Message text={shown.message} />} words={<Message text={shown.hint} />}>
-      <button type="button" class="btn edge" onClick={() => (problem.value = undefined)}>
-        {COMMON.close}
-      </button>
+      <Button look="edge" words={COMMON.close} onClick={() => (problem.value = undefined)} />
     </Band>
   );
 }

@@ -1,5 +1,6 @@
 /** Bands for refused or unverified data and the remedy, never over the data. */
 import { keyWanted, keyWrong, trustOf } from "../panels/authenticity";
+import { Button } from "../ui/button";
 import { api } from "../ui/http";
 import { Band } from "../ui/band";
 import { Message } from "../ui/message";
@@ -22,9 +23,11 @@ export function RearmBand({ app }: { readonly app: App }) {
           words={TEXT.oldSequenceNumbers(sender)}
           data-rearm={sender}
         >
-          <button type="button" class="btn edge" onClick={() => void run(app, api.rearmDevice(link.id, sender))}>
-            {TEXT.rearm(sender)}
-          </button>
+          <Button
+            look="edge"
+            words={TEXT.rearm(sender)}
+            onClick={() => void run(app, api.rearmDevice(link.id, sender))}
+          />
         </Band>
       ))}
     </>
@@ -48,9 +51,7 @@ export function KeyBand({ app }: { readonly app: App }) {
   const title = unverified ? TEXT.shownUnverified : TEXT.keyNeeded;
   return (
     <Band tone="warning" dot="warn" title={title} words={words} data-key="wanted">
-      <button type="button" class="btn edge" onClick={() => askKey(app, device)}>
-        {TEXT.enterKey}
-      </button>
+      <Button look="edge" words={TEXT.enterKey} onClick={() => askKey(app, device)} />
     </Band>
   );
 }

@@ -5,11 +5,11 @@ import { Slot } from "../extension";
 import { recordingsApi } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
 import type { HeldBytes, SavedMemory } from "../recordings/types";
+import { Button } from "../ui/button";
 import { Segmented } from "../ui/choices";
 import { Dialog } from "../ui/dialog";
 import { clock } from "../ui/format";
 import type { HttpProblem } from "../ui/http";
-import { Icon } from "../ui/icons";
 import { ProblemNote } from "../ui/problem-note";
 import type { App } from "./app-state";
 import { showSaved } from "./record-button";
@@ -116,23 +116,19 @@ export function MemoryDialog({ app, onClose }: Props) {
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="ends">
           <Slot name="memoryActions" with={{ app, disabled: busy.value || links.length === 0 }} />
-          <button
-            type="button"
-            class="btn edge"
+          <Button
+            look="edge"
+            icon="download"
+            words={TEXT.exportFromMemory}
             disabled={busy.value || links.length === 0 || gone}
             onClick={() => void whileBusy(exportIt)}
-          >
-            <Icon name="download" />
-            {TEXT.exportFromMemory}
-          </button>
-          <button
-            type="button"
-            class="btn main"
+          />
+          <Button
+            look="main"
+            words={busy.value ? TEXT.savingFromMemory : TEXT.saveAsRecording}
             disabled={busy.value || links.length === 0 || gone}
             onClick={() => void whileBusy(keep)}
-          >
-            {busy.value ? TEXT.savingFromMemory : TEXT.saveAsRecording}
-          </button>
+          />
         </div>
       </div>
     </Dialog>

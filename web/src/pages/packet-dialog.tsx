@@ -3,6 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { spaced } from "../forms/frame-chips";
 import type { PacketAt, ShownSample } from "../panels/panel-context";
+import { Button } from "../ui/button";
 import { copyText } from "../ui/copy";
 import { Dialog } from "../ui/dialog";
 import { clock, number } from "../ui/format";
@@ -159,12 +160,8 @@ function Frame({ packet, time, sample, step, show }: FrameProps) {
         <IconButton icon="right" label={TEXT.next} class="edge" onClick={() => step(1)} />
         <h3>{packetTitle(packet)}</h3>
         <span class="grow" />
-        <button type="button" class="btn edge" onClick={() => void copyHex()}>
-          {said.value}
-        </button>
-        <button type="button" class="btn edge" onClick={show}>
-          {TEXT.showInPlot}
-        </button>
+        <Button look="edge" words={said.value} onClick={() => void copyHex()} />
+        <Button look="edge" words={TEXT.showInPlot} onClick={show} />
       </div>
       <p class="dim">{facts.filter(Boolean).join(" · ")}</p>
       {sample && (

@@ -6,9 +6,9 @@ import { effect, signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { recordingsApi } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
+import { Button } from "../ui/button";
 import { age, clock } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
-import { Icon } from "../ui/icons";
 import type { RecorderState } from "../wire/types";
 import { type App, perApp, run } from "./app-state";
 import { href, route } from "./route";
@@ -147,9 +147,8 @@ export function Record({ app }: { readonly app: App }) {
   if (!state.running) {
     return (
       <>
-        <button
-          type="button"
-          class="btn edge record-button"
+        <Button
+          look="edge record-button"
           aria-label={TEXT.record}
           title={TEXT.recordAllDevices}
           disabled={app.store.devices.value.length === 0}
@@ -157,7 +156,7 @@ export function Record({ app }: { readonly app: App }) {
         >
           <i class="record-dot" />
           <span class="desk">{asking.value ? TEXT.shiftR : TEXT.record}</span>
-        </button>
+        </Button>
         <FromMemory app={app} />
         <Said words={said.value} />
       </>
@@ -175,9 +174,8 @@ export function Record({ app }: { readonly app: App }) {
           {[left, behind].filter(Boolean).join(", ")}
         </span>
       )}
-      <button
-        type="button"
-        class="btn stop-recording"
+      <Button
+        look="stop-recording"
         aria-label={TEXT.stopRecordingState(time, size.value, size.unit)}
         title={TEXT.stopRecordingTitle(state.title || state.id)}
         onClick={press(app)}
@@ -188,16 +186,14 @@ export function Record({ app }: { readonly app: App }) {
           {size.value}
           <span class="unit">{size.unit}</span>
         </span>
-      </button>
-      <button
-        type="button"
-        class={`btn icon flag ${said.value && !asking.value ? "just-done" : ""}`}
-        aria-label={TEXT.addMarker}
+      </Button>
+      <IconButton
+        class={`flag ${said.value && !asking.value ? "just-done" : ""}`}
+        icon="flag"
+        label={TEXT.addMarker}
         title={TEXT.addMarkerHint}
         onClick={(event) => void (event.shiftKey ? beginNote(app) : mark(app))}
-      >
-        <Icon name="flag" />
-      </button>
+      />
       <FromMemory app={app} />
       {noteAt.value !== undefined && <Note app={app} time={noteAt.value} />}
       <Said words={said.value} />
@@ -273,9 +269,7 @@ function Note({ app, time }: { readonly app: App; readonly time: number }) {
         <span class="visually-hidden">{TEXT.noteAt(clock(time))}</span>
         <input ref={field} maxLength={2000} placeholder={TEXT.noteAt(clock(time))} />
       </label>
-      <button type="submit" class="btn main">
-        {COMMON.save}
-      </button>
+      <Button type="submit" look="main" words={COMMON.save} />
       <IconButton icon="close" label={TEXT.discardNote} onClick={close} />
     </form>
   );

@@ -1,6 +1,6 @@
 /** The link to what is on screen on Live: a button and its key. */
 import { signal } from "@preact/signals";
-import { Icon } from "../ui/icons";
+import { IconButton } from "../ui/icon-button";
 import { type App, perApp } from "./app-state";
 import { copyLiveLink } from "./live-address";
 import { COMMON } from "../texts/common";
@@ -21,15 +21,13 @@ export function Share({ app }: { readonly app: App }) {
   const said = saidOf(app);
   return (
     <>
-      <button
-        type="button"
-        class={`btn icon desk flag share ${said.value ? "just-done" : ""}`}
-        aria-label={COMMON.copyLink}
+      <IconButton
+        class={`desk flag share ${said.value ? "just-done" : ""}`}
+        icon="share"
+        label={COMMON.copyLink}
         title={said.value || TEXT.copyLinkToView}
         onClick={() => void shareLive(app)}
-      >
-        <Icon name="share" />
-      </button>
+      />
       <span class="visually-hidden" role="status">
         {said.value}
       </span>

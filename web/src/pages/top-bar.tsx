@@ -3,6 +3,7 @@ import { useRef } from "preact/hooks";
 import { Slot } from "../extension";
 import type { ViewActions } from "../data/view-actions";
 import { type Deps, recently } from "../panels/panel-context";
+import { Button } from "../ui/button";
 import { Select } from "../ui/choices";
 import { age, number, rate, span } from "../ui/format";
 import { IconButton } from "../ui/icon-button";
@@ -162,17 +163,14 @@ interface ToggleProps extends Props {
 function Toggle({ app: { sheet }, name, label, icon }: ToggleProps) {
   const open = sheet.value === name;
   return (
-    <button
-      type="button"
-      class={`btn icon desk ${name === "rail" ? "only-narrow" : "only-mid"}`}
-      aria-label={label}
-      title={label}
+    <IconButton
+      class={`desk ${name === "rail" ? "only-narrow" : "only-mid"}`}
+      icon={icon}
+      label={label}
       aria-expanded={open}
       aria-controls={name}
       onClick={() => (sheet.value = open ? undefined : name)}
-    >
-      <Icon name={icon} />
-    </button>
+    />
   );
 }
 
@@ -183,9 +181,8 @@ function DeviceName({ app }: Props) {
   const mark = device ? markOf(device.status, recently(app, device.id).gaps) : { dot: "off", word: "none" };
   const open = sheet.value === "rail";
   return (
-    <button
-      type="button"
-      class="btn phone device-name"
+    <Button
+      look="phone device-name"
       aria-expanded={open}
       aria-controls="rail"
       onClick={() => (sheet.value = open ? undefined : "rail")}
@@ -194,7 +191,7 @@ function DeviceName({ app }: Props) {
       <span class="visually-hidden">{mark.word}: </span>
       <span class="ellipsis">{device ? distinctName(device, app.store.devices.value) : COMMON.devices}</span>
       <Icon name="down" />
-    </button>
+    </Button>
   );
 }
 
@@ -265,16 +262,13 @@ function Move({ app }: Props) {
   return (
     <div class="time-controls desk" role="group" aria-label={TEXT.timeNavigation}>
       {STEPS.map((step) => (
-        <button
-          type="button"
+        <IconButton
           key={step.icon}
-          class={`btn icon ${step.extra ? "extra" : ""}`}
-          aria-label={step.label}
-          title={step.label}
+          class={step.extra ? "extra" : ""}
+          icon={step.icon}
+          label={step.label}
           onClick={() => step.act(app.viewState.actions)}
-        >
-          <Icon name={step.icon} />
-        </button>
+        />
       ))}
     </div>
   );
@@ -286,28 +280,27 @@ export function Dock({ app }: Props) {
   const live = isLive.value;
   return (
     <div class="dock" role="region" aria-label={TEXT.timeControls}>
-      <button
-        type="button"
-        class="btn edge icon"
+      <Button
+        look="edge icon"
+        icon={live ? "pause" : "play"}
         aria-label={live ? COMMON.pause : TEXT.live}
         onClick={() => (live ? actions.pause() : actions.live())}
-      >
-        <Icon name={live ? "pause" : "play"} />
-      </button>
+      />
       <Window app={app} class="" />
-      <button type="button" class="btn edge" aria-label={TEXT.timeAxisChoice} onClick={() => actions.toggleTimeBase()}>
-        {timeBase.value === "device" ? COMMON.device : TEXT.arrival}
-      </button>
+      <Button
+        look="edge"
+        words={timeBase.value === "device" ? COMMON.device : TEXT.arrival}
+        aria-label={TEXT.timeAxisChoice}
+        onClick={() => actions.toggleTimeBase()}
+      />
       {STEPS.filter((step) => !step.extra).map((step) => (
-        <button
-          type="button"
+        <Button
           key={step.icon}
-          class="btn edge icon"
+          look="edge icon"
+          icon={step.icon}
           aria-label={step.label}
           onClick={() => step.act(app.viewState.actions)}
-        >
-          <Icon name={step.icon} />
-        </button>
+        />
       ))}
     </div>
   );

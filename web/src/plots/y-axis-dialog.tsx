@@ -1,6 +1,7 @@
 /** The form for the y axis of a plot: a fixed range, a logarithmic axis, or automatic again. */
 import { useSignal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
+import { Button } from "../ui/button";
 import { Dialog } from "../ui/dialog";
 import type { PlotSpec } from "./plot-selection";
 import { typedRange } from "./y-axis";
@@ -90,12 +91,8 @@ function Form({ viewState, plot, range }: Props) {
         <p class="dim">{TEXT.logHint}</p>
         {problem.value !== "" && <p role="alert">{problem.value}</p>}
         <div class="y-axis-buttons">
-          <button type="button" class="btn edge" onClick={automatic}>
-            {TEXT.automatic}
-          </button>
-          <button type="submit" class="btn main">
-            {TEXT.fix}
-          </button>
+          <Button look="edge" words={TEXT.automatic} onClick={automatic} />
+          <Button type="submit" look="main" words={TEXT.fix} />
         </div>
       </form>
     </Dialog>

@@ -7,8 +7,8 @@ import { type Signal, signal } from "@preact/signals";
 import { fromExtensions } from "../extension";
 import type { ReplayController } from "../recordings/replay-controller";
 import { type App, perApp } from "../pages/app-state";
+import { Button } from "../ui/button";
 import { IconButton } from "../ui/icon-button";
-import { Icon } from "../ui/icons";
 import { shownRobot } from "../ui/server-place";
 import { shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
@@ -81,10 +81,7 @@ function ViewerLine({ app, viewers: all, children }: LineProps) {
     <div class="viewer-actions" role="group" aria-label={TEXT.otherViews}>
       {!isOpen.value &&
         all.map(({ id, icon, title }) => (
-          <button type="button" class="btn edge" key={id} onClick={() => open(id)}>
-            <Icon name={icon} />
-            {title}
-          </button>
+          <Button look="edge" icon={icon} words={title} key={id} onClick={() => open(id)} />
         ))}
       {children}
     </div>
@@ -104,10 +101,13 @@ export function LiveViews({ app }: Props) {
   if (framesOf(app).isOpen.value) return null;
   return (
     <ViewerLine app={app} viewers={viewers()}>
-      <button type="button" class="btn edge" title={TEXT.gesturesAndKeys} onClick={() => (app.overlay.value = "help")}>
-        <Icon name="help" />
-        {TEXT.help}
-      </button>
+      <Button
+        look="edge"
+        icon="help"
+        words={TEXT.help}
+        title={TEXT.gesturesAndKeys}
+        onClick={() => (app.overlay.value = "help")}
+      />
     </ViewerLine>
   );
 }
@@ -138,15 +138,13 @@ export function LiveViewer({ app, device }: Props & { readonly device: DeviceInf
         </span>
       )}
       {several && (
-        <button
-          type="button"
-          class="btn small"
+        <Button
+          look="small"
+          words={COMMON.all}
           aria-pressed={isAll}
           title={shown.allHint}
           onClick={() => (together.value = !isAll)}
-        >
-          {COMMON.all}
-        </button>
+        />
       )}
     </>
   );

@@ -7,6 +7,7 @@ import { Slot } from "../extension";
 import type { App } from "../pages/app-state";
 import type { Deps } from "../panels/panel-context";
 import type { PanelDefinition } from "../panels/registry";
+import { Button } from "../ui/button";
 import { Select } from "../ui/choices";
 import { IconButton } from "../ui/icon-button";
 import { Icon, type IconName } from "../ui/icons";
@@ -29,23 +30,19 @@ export function ArrangeTools({ app, deps }: Props) {
   return (
     <>
       {maximised !== undefined && (
-        <button
-          type="button"
-          class="btn edge restore-panel"
+        <Button
+          look="edge restore-panel"
+          icon="close"
+          words={TEXT.restore}
           onClick={() => session.change((layout) => maximise(layout, undefined))}
-        >
-          <Icon name="close" />
-          {TEXT.restore}
-        </button>
+        />
       )}
       {!session.arranging.value && session.problems.value.length > 0 && (
         <div class="workspace-note" role="alert">
           {session.problems.value.map((text) => (
             <p key={text}>{text}</p>
           ))}
-          <button type="button" class="btn edge" onClick={() => (session.problems.value = [])}>
-            {COMMON.close}
-          </button>
+          <Button look="edge" words={COMMON.close} onClick={() => (session.problems.value = [])} />
         </div>
       )}
       {session.arranging.value && <ArrangeSheet session={session} deps={deps} />}
@@ -82,9 +79,9 @@ function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; r
         {hidden.length > 0 && <AreaList session={session} area="hidden" all={all} panels={hidden} />}
       </div>
       <div class="arrange-foot">
-        <button
-          type="button"
-          class="btn edge"
+        <Button
+          look="edge"
+          words={TEXT.defaultLayout}
           disabled={layout === DEFAULT_LAYOUT && plotOrder.value === DEFAULT_ORDER}
           onClick={() => {
             session.change(() => {
@@ -92,13 +89,9 @@ function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; r
               return DEFAULT_LAYOUT;
             });
           }}
-        >
-          {TEXT.defaultLayout}
-        </button>
+        />
         <span class="grow" />
-        <button type="button" class="btn main" onClick={() => (session.arranging.value = false)}>
-          {TEXT.done}
-        </button>
+        <Button look="main" words={TEXT.done} onClick={() => (session.arranging.value = false)} />
       </div>
     </section>
   );
@@ -174,14 +167,12 @@ function Row({ session, panel, area, all, isFirst, isLast }: RowProps) {
         </>
       )}
       {area === "hidden" ? (
-        <button
-          type="button"
-          class="btn edge"
+        <Button
+          look="edge"
+          words={TEXT.show}
           aria-label={TEXT.showPanel(panel.title)}
           onClick={() => placed(session, panel, all, homeOf(session, panel))}
-        >
-          {TEXT.show}
-        </button>
+        />
       ) : (
         <Select
           label={TEXT.placeOf(panel.title)}

@@ -2,6 +2,7 @@
 import type { Deps } from "../panels/panel-context";
 import { heightOf, movedTo, PLOT_HEIGHT, withHeight } from "../plots/plot-order";
 import type { PlotSpec } from "../plots/plot-selection";
+import { Button } from "../ui/button";
 import { IconButton } from "../ui/icon-button";
 import type { IconName } from "../ui/icons";
 import { COMMON } from "../texts/common";
@@ -40,15 +41,13 @@ export function PlotList({ deps: { store, viewState } }: { readonly deps: Deps }
               {tool("down", TEXT.moveDown(title), k === plots.length - 1, move(k + 1))}
               {tool("minus", TEXT.lower(title), (height ?? Infinity) <= PLOT_HEIGHT[0], () => size(plot, -1))}
               {tool("plus", TEXT.taller(title), (height ?? 0) >= PLOT_HEIGHT[1], () => size(plot, 1))}
-              <button
-                type="button"
-                class="btn edge"
+              <Button
+                look="edge"
+                words={shown}
                 aria-label={TEXT.automaticHeightOf(shown, title)}
                 disabled={height === undefined}
                 onClick={() => (plotOrder.value = withHeight(of, key, undefined))}
-              >
-                {shown}
-              </button>
+              />
             </li>
           );
         })}

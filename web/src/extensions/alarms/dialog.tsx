@@ -2,6 +2,7 @@
 import { batch, type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { type Deps, selected } from "../../panels/panel-context";
+import { Button } from "../../ui/button";
 import { OptionList, Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";
@@ -188,17 +189,11 @@ export function AlarmDialog({ app, onClose, over }: Props) {
         />
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="control-row">
-          <button type="submit" class="btn main" disabled={isEmpty || check?.valid === false}>
-            {TEXT.save}
-          </button>
-          <button type="button" class="btn" onClick={onClose}>
-            {COMMON.cancel}
-          </button>
+          <Button type="submit" look="main" words={TEXT.save} disabled={isEmpty || check?.valid === false} />
+          <Button words={COMMON.cancel} onClick={onClose} />
           <span class="grow" />
           {draft.id !== undefined && (
-            <button type="button" class="btn" onClick={() => void remove()}>
-              {isRemoving.value ? TEXT.confirmRemove : TEXT.remove}
-            </button>
+            <Button words={isRemoving.value ? TEXT.confirmRemove : TEXT.remove} onClick={() => void remove()} />
           )}
         </div>
       </form>

@@ -8,6 +8,7 @@ import {
 } from "../../extension";
 import { readingAt } from "../../panels/cursor-time";
 import { reading } from "../../panels/panel-context";
+import { Button } from "../../ui/button";
 import { late } from "../../ui/late";
 import { alarmCondition, canAlarm } from "./condition";
 import { followAlarms } from "./follow";
@@ -28,11 +29,7 @@ function DeviceTags({ app, device }: DeviceActionProps) {
 function AlarmWhen({ deps, row }: Slots["signalActions"]) {
   if (!canAlarm(row)) return null;
   const open = (): void => openAlarm(deps.open, { expression: alarmCondition(row, reading(deps)), device: row.device });
-  return (
-    <button type="button" class="btn edge" onClick={open}>
-      {TEXT.alarmWhen}
-    </button>
-  );
+  return <Button look="edge" words={TEXT.alarmWhen} onClick={open} />;
 }
 
 function Live({ app, onClose }: LiveDialogProps) {

@@ -1,4 +1,5 @@
 /** The alarms that a workspace brings, under the stored workspaces. */
+import { Button } from "../../ui/button";
 import { useSignal } from "@preact/signals";
 import type { CompanionProps } from "../../workspace/companions";
 import { alarmList } from "./list";
@@ -22,12 +23,8 @@ export function OfferedAlarms({ session, deps, said }: CompanionProps) {
         <div class="stored-offer" role="status">
           <p>{TEXT.hasAlarms(offered.value.length, offered.value.map(({ name }) => name).join(", "))}</p>
           <div class="stored-row">
-            <button type="button" class="btn edge" onClick={() => void add()}>
-              {TEXT.addAlarms(offered.value.length)}
-            </button>
-            <button type="button" class="btn edge" onClick={() => (offered.value = [])}>
-              {TEXT.notNow}
-            </button>
+            <Button look="edge" words={TEXT.addAlarms(offered.value.length)} onClick={() => void add()} />
+            <Button look="edge" words={TEXT.notNow} onClick={() => (offered.value = [])} />
           </div>
         </div>
       )}

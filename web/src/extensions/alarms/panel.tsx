@@ -1,8 +1,8 @@
 /** The alarms of the selected device: state, value and limit of each, acknowledged by name. */
 import { type Signal, signal } from "@preact/signals";
+import { Button } from "../../ui/button";
 import { clock } from "../../ui/format";
 import { request, type HttpProblem } from "../../ui/http";
-import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
 import type { Panel } from "../../ui/dom";
 import type { AlarmInfo, AlarmState } from "../../wire/routes";
@@ -59,10 +59,7 @@ function AlarmPanel({ deps, alarms, state }: Props) {
       )}
       {state.problem.value && <ProblemNote problem={state.problem.value} />}
       <div class="alarm-foot">
-        <button type="button" class="btn small edge alarm-add" onClick={() => openAlarm(deps.open, {})}>
-          <Icon name="plus" />
-          {TEXT.add}
-        </button>
+        <Button look="small edge alarm-add" icon="plus" words={TEXT.add} onClick={() => openAlarm(deps.open, {})} />
         {own.length > 0 && <Notices state={state.notices} />}
       </div>
     </>
@@ -74,29 +71,26 @@ function Notices({ state }: { readonly state: Signal<NoticeState> }) {
   if (state.value === "none") return null;
   if (state.value === "blocked") return <p class="alarm-blocked dim">{TEXT.noticesBlocked}</p>;
   return (
-    <button
-      type="button"
-      class="btn small edge"
+    <Button
+      look="small edge"
       aria-pressed={state.value === "on"}
       title={TEXT.noticesHelp}
       onClick={() => void switchNotices().then((now) => (state.value = now))}
     >
       {state.value === "on" && <span aria-hidden="true">✓ </span>}
       {TEXT.notify}
-    </button>
+    </Button>
   );
 }
 
 function EditButton({ alarm: { id, definition }, deps }: { readonly alarm: AlarmInfo; readonly deps: Deps }) {
   return (
-    <button
-      type="button"
-      class="btn small"
+    <Button
+      look="small"
+      words={TEXT.edit}
       aria-label={TEXT.editNamed(definition.name)}
       onClick={() => openAlarm(deps.open, { id, definition })}
-    >
-      {TEXT.edit}
-    </button>
+    />
   );
 }
 
@@ -113,14 +107,12 @@ function Row({ one, deps, alarms, state }: Props & { readonly one: AlarmOnDevice
         {alarm.definition.name}
       </b>
       {now.raised && now.acknowledged === null && !isAsking && (
-        <button
-          type="button"
-          class="btn small edge"
+        <Button
+          look="small edge"
+          words={TEXT.acknowledge}
           aria-label={TEXT.acknowledgeNamed(alarm.definition.name)}
           onClick={() => (state.acknowledging.value = alarm.id)}
-        >
-          {TEXT.acknowledge}
-        </button>
+        />
       )}
       <EditButton alarm={alarm} deps={deps} />
       <span class="alarm-facts">
@@ -175,12 +167,8 @@ function Acknowledge({ one, alarms, state }: Omit<Props, "deps"> & { readonly on
         defaultValue={storedName()}
         ref={(input) => input?.focus()}
       />
-      <button type="submit" class="btn small edge">
-        {TEXT.acknowledge}
-      </button>
-      <button type="button" class="btn small" onClick={() => (state.acknowledging.value = undefined)}>
-        {COMMON.cancel}
-      </button>
+      <Button type="submit" look="small edge" words={TEXT.acknowledge} />
+      <Button look="small" words={COMMON.cancel} onClick={() => (state.acknowledging.value = undefined)} />
     </form>
   );
 }

@@ -1,6 +1,7 @@
 /** How often an alarm would have been raised by the samples in memory or of an open recording, and when, in the form while it is filled in. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { Button } from "../../ui/button";
 import { clock, number, span } from "../../ui/format";
 import { request } from "../../ui/http";
 import type { AlarmDefinition, AlarmPreview as Preview } from "../../wire/routes";
@@ -55,9 +56,12 @@ export function PreviewNote({ stamp, source, recorded }: Props) {
             const long = span((t1 ?? t0) - t0);
             return (
               <li key={t0}>
-                <button type="button" class="btn small edge" title={TEXT.showInPlots} onClick={() => recorded.show(t0)}>
-                  {clock(t0, 3)}
-                </button>{" "}
+                <Button
+                  look="small edge"
+                  words={clock(t0, 3)}
+                  title={TEXT.showInPlots}
+                  onClick={() => recorded.show(t0)}
+                />{" "}
                 <span class="dim">
                   {TEXT.lasted(
                     `${long.value} ${long.unit}`,

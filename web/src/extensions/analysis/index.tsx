@@ -9,8 +9,8 @@ import {
 } from "../../extension";
 import type { App } from "../../pages/app-state";
 import { recordingTitle } from "../../recordings/library-filter";
+import { Button } from "../../ui/button";
 import { IconButton } from "../../ui/icon-button";
-import { Icon } from "../../ui/icons";
 import { late } from "../../ui/late";
 import { COMMON } from "../../texts/common";
 import { compareView, isComparison } from "./compare/sides";
@@ -61,15 +61,13 @@ function CompareButton({ app, isLive }: Slots["barViews"]) {
 
 function CompareRecordingButton({ recording }: Slots["recordingActions"]) {
   return (
-    <button
-      type="button"
-      class="btn edge"
+    <Button
+      look="edge"
+      icon="compare"
+      words={COMPARE.compare}
       title={COMPARE.open}
       onClick={() => compare({ app: recording.app, recording })}
-    >
-      <Icon name="compare" />
-      {COMPARE.compare}
-    </button>
+    />
   );
 }
 

@@ -1,6 +1,7 @@
 /** Figures of an analysis as a person reads them: charts, tables, verdicts, notes, and what copies them. */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
+import { Button } from "../../ui/button";
 import { copyText } from "../../ui/copy";
 import { type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
@@ -289,14 +290,15 @@ function Copy({ name, figures, body }: Answered) {
     <>
       <p class="analysis-row">
         {name !== "spectrogram" && (
-          <button type="button" class="btn edge" onClick={() => void copy(analysisCsv(name, figures))}>
-            {TEXT.copy}
-          </button>
+          <Button look="edge" words={TEXT.copy} onClick={() => void copy(analysisCsv(name, figures))} />
         )}
         {FORMATS[name]?.map((format) => (
-          <button key={format} type="button" class="btn edge" onClick={() => void copyAs(format)}>
-            {TEXT.copyAs(TEXT.format[format] ?? format)}
-          </button>
+          <Button
+            words={TEXT.copyAs(TEXT.format[format] ?? format)}
+            key={format}
+            look="edge"
+            onClick={() => void copyAs(format)}
+          />
         ))}
         <span role="status">{said.value}</span>
       </p>

@@ -6,6 +6,7 @@ import { type Signal, signal } from "@preact/signals";
 import { render } from "preact";
 import { spaced } from "../../forms/frame-chips";
 import { ageOf, type Deps, reading, selected } from "../../panels/panel-context";
+import { Button } from "../../ui/button";
 import { type Panel, throttle } from "../../ui/dom";
 import { clock, number } from "../../ui/format";
 import type { HttpProblem } from "../../ui/http";
@@ -124,15 +125,13 @@ function View({ state, isHeld, open }: ViewProps) {
   return (
     <>
       <div class="bytes-tools">
-        <button
-          type="button"
-          class="btn small edge"
+        <Button
+          look="small edge"
+          words={isHeld.value ? TEXT.follow : TEXT.hold}
           aria-pressed={isHeld.value}
           title={TEXT.holdHint}
           onClick={() => (isHeld.value = !isHeld.value)}
-        >
-          {isHeld.value ? TEXT.follow : TEXT.hold}
-        </button>
+        />
         <span class="dim">{isHeld.value ? TEXT.isHeld : TEXT.newestFirst}</span>
       </div>
       {problem && (

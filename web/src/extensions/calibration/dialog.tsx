@@ -5,6 +5,7 @@
  */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
+import { Button } from "../../ui/button";
 import { Dialog } from "../../ui/dialog";
 import { addressOf, type Outcome, request } from "../../ui/http";
 import { Message } from "../../ui/message";
@@ -86,10 +87,10 @@ function Choice({ available, start }: ChoiceProps) {
       <ul class="calibration-kinds">
         {available.map(({ kind, title, problem, hint }) => (
           <li key={kind}>
-            <button type="button" class="btn edge" disabled={problem !== ""} onClick={() => start(kind)}>
+            <Button look="edge" disabled={problem !== ""} onClick={() => start(kind)}>
               <b>{title}</b>
               <span>{TEXT.kinds[kind]}</span>
-            </button>
+            </Button>
             {problem !== "" && (
               <p class="dim">
                 <Message text={`${problem} ${hint}`} />
@@ -129,12 +130,8 @@ function Coach({ report, finish, stop }: CoachProps) {
         )}
       </p>
       <div class="calibration-buttons">
-        <button type="button" class="btn main" disabled={refusal !== null} onClick={finish}>
-          {TEXT.finish}
-        </button>
-        <button type="button" class="btn edge" onClick={stop}>
-          {TEXT.stop}
-        </button>
+        <Button look="main" words={TEXT.finish} disabled={refusal !== null} onClick={finish} />
+        <Button look="edge" words={TEXT.stop} onClick={stop} />
       </div>
     </>
   );
@@ -182,12 +179,8 @@ function Ended({ report, device, write, again, others }: EndedProps) {
           </span>
         )}
         <span class="grow" />
-        <button type="button" class="btn edge" onClick={again}>
-          {TEXT.again}
-        </button>
-        <button type="button" class="btn" onClick={others}>
-          {TEXT.others}
-        </button>
+        <Button look="edge" words={TEXT.again} onClick={again} />
+        <Button words={TEXT.others} onClick={others} />
       </div>
     </>
   );

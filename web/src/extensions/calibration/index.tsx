@@ -1,5 +1,6 @@
 /** Calibration of a live device, with a coach. */
 import { type DeviceActionProps, type LiveDialogProps, registerExtension } from "../../extension";
+import { Button } from "../../ui/button";
 import { late } from "../../ui/late";
 import { TEXT } from "./texts";
 
@@ -8,14 +9,12 @@ const CalibrationDialog = late(async () => (await import("./dialog")).Calibratio
 function CalibrateButton({ app, device }: DeviceActionProps) {
   if (device.status !== "live") return null;
   return (
-    <button
-      type="button"
-      class="btn small"
+    <Button
+      look="small"
+      words={TEXT.calibrate}
       title={TEXT.open}
       onClick={() => (app.overlay.value = "calibration/dialog")}
-    >
-      {TEXT.calibrate}
-    </button>
+    />
   );
 }
 

@@ -1,5 +1,6 @@
 /** Writing a result to the device: an ordinary change of its settings, with its warning, job and snapshot. */
 import { useSignal } from "@preact/signals";
+import { Button } from "../../ui/button";
 import { type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
@@ -41,17 +42,16 @@ export function Write({ device, write, jobs }: Props) {
       <div class="calibration-buttons">
         {asks ? (
           <>
-            <button type="button" class="btn edge" onClick={() => void send(true)}>
-              {TEXT.proceed}
-            </button>
-            <button type="button" class="btn" onClick={() => (problem.value = undefined)}>
-              {TEXT.cancel}
-            </button>
+            <Button look="edge" words={TEXT.proceed} onClick={() => void send(true)} />
+            <Button words={TEXT.cancel} onClick={() => (problem.value = undefined)} />
           </>
         ) : (
-          <button type="button" class="btn main" disabled={isBusy} onClick={() => void send(false)}>
-            {values ? TEXT.write : TEXT.readFirst}
-          </button>
+          <Button
+            look="main"
+            words={values ? TEXT.write : TEXT.readFirst}
+            disabled={isBusy}
+            onClick={() => void send(false)}
+          />
         )}
       </div>
       {running && (

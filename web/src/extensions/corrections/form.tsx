@@ -1,6 +1,7 @@
 /** Corrections: a stream of RTCM 3 from a caster, a server or a file, forwarded to the device in whole messages. */
 import { type Signal, useSignal } from "@preact/signals";
 import { BLANK, flowOf, type Ntrip, ntripProblem, ntripUrl } from "./ntrip";
+import { Button } from "../../ui/button";
 import { Segmented } from "../../ui/choices";
 import { age, byteRate, number } from "../../ui/format";
 import { Message } from "../../ui/message";
@@ -53,22 +54,19 @@ export function CorrectionsForm({ model }: { readonly model: Model }) {
         />
         {kind.value === "ntrip" ? <CasterFields caster={caster} /> : <OtherField source={other} />}
         <div class="correction-row">
-          <button
+          <Button
             type="submit"
-            class="btn main"
+            look="main"
+            words={state.value?.running ? TEXT.restart : TEXT.start}
             disabled={model.page.viewOnly.value || why !== ""}
             aria-describedby="rtcm-why"
-          >
-            {state.value?.running ? TEXT.restart : TEXT.start}
-          </button>
-          <button
-            type="button"
-            class="btn edge"
+          />
+          <Button
+            look="edge"
+            words={COMMON.stop}
             disabled={model.page.viewOnly.value || !state.value?.source}
             onClick={stop}
-          >
-            {COMMON.stop}
-          </button>
+          />
           <span class="dim" id="rtcm-why">
             {why}
           </span>

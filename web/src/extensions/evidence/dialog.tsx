@@ -4,10 +4,10 @@ import type { ComponentChildren } from "preact";
 import type { ViewState } from "../../data/view-state";
 import type { FigureSource } from "../../measure/figure-source";
 import { recordingsApi } from "../../recordings/api";
+import { Button } from "../../ui/button";
 import { Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import type { HttpProblem } from "../../ui/http";
-import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
 import type { App } from "../../pages/app-state";
 import { evidencePlots } from "./plots";
@@ -111,10 +111,13 @@ export function EvidenceDialog(props: Props) {
         </label>
         {plots.without.length > 0 && <p class="dim">{TEXT.without(plots.without.join(", "))}</p>}
         {shown && <ProblemNote problem={shown} />}
-        <button type="button" class="btn main start-export" disabled={busy.value} onClick={() => void make()}>
-          <Icon name="paper" />
-          {busy.value ? TEXT.making : TEXT.make}
-        </button>
+        <Button
+          look="main start-export"
+          icon="paper"
+          words={busy.value ? TEXT.making : TEXT.make}
+          disabled={busy.value}
+          onClick={() => void make()}
+        />
         {(made.value ?? source.id) !== "" && <Jobs app={app} recording={made.value ?? source.id} />}
       </div>
     </Dialog>

@@ -1,8 +1,8 @@
 /** Evidence: what is on screen as one file that opens without a network. */
 import { BAR_CLASS, registerExtension, type Slots } from "../../extension";
 import type { App } from "../../pages/app-state";
+import { Button } from "../../ui/button";
 import { IconButton } from "../../ui/icon-button";
-import { Icon } from "../../ui/icons";
 import { late } from "../../ui/late";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "./texts";
@@ -24,20 +24,18 @@ function BarButton({ app }: Slots["barShare"]) {
 
 function RecordingButton({ recording }: Slots["recordingActions"]) {
   return (
-    <button type="button" class="btn edge" title={TEXT.hintOfButton} onClick={() => open(recording.app)}>
-      <Icon name="paper" />
-      {TEXT.evidence}
-    </button>
+    <Button
+      look="edge"
+      icon="paper"
+      words={TEXT.evidence}
+      title={TEXT.hintOfButton}
+      onClick={() => open(recording.app)}
+    />
   );
 }
 
 function MemoryButton({ app, disabled }: Slots["memoryActions"]) {
-  return (
-    <button type="button" class="btn edge" disabled={disabled} onClick={() => open(app)}>
-      <Icon name="paper" />
-      {TEXT.evidence}
-    </button>
-  );
+  return <Button look="edge" icon="paper" words={TEXT.evidence} disabled={disabled} onClick={() => open(app)} />;
 }
 
 registerExtension({

@@ -3,8 +3,8 @@ import { type LiveDialogProps, registerExtension, type Slots } from "../../exten
 import type { Deps } from "../../panels/panel-context";
 import { added } from "../../signals/custom-plots";
 import { isComputed } from "../../signals/names";
+import { Button } from "../../ui/button";
 import { request } from "../../ui/http";
-import { Icon } from "../../ui/icons";
 import { late } from "../../ui/late";
 import type { ComputedSignal } from "../../wire/routes";
 import type { ChannelInfo } from "../../wire/types";
@@ -41,12 +41,7 @@ function Live({ app, onClose }: LiveDialogProps) {
 
 function NewSignalButton({ deps, isLive, onSaid }: Slots["signalsHead"]) {
   if (!isLive) return null;
-  return (
-    <button type="button" class="btn edge" onClick={() => open(deps, undefined, onSaid)}>
-      <Icon name="plus" />
-      {TEXT.newSignal}
-    </button>
-  );
+  return <Button look="edge" icon="plus" words={TEXT.newSignal} onClick={() => open(deps, undefined, onSaid)} />;
 }
 
 /** What can be done with a computed signal. */
@@ -76,13 +71,8 @@ function Actions({ deps, channel: { device, name }, onSaid }: ActionsProps) {
   return (
     <>
       <span />
-      <button type="button" class="btn edge" onClick={() => void edit()}>
-        {TEXT.edit}
-      </button>
-      <button type="button" class="btn edge" onClick={() => void remove()}>
-        <Icon name="trash" />
-        {TEXT.remove}
-      </button>
+      <Button look="edge" words={TEXT.edit} onClick={() => void edit()} />
+      <Button look="edge" icon="trash" words={TEXT.remove} onClick={() => void remove()} />
     </>
   );
 }

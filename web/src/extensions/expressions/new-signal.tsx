@@ -2,6 +2,7 @@
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Deps } from "../../panels/panel-context";
+import { Button } from "../../ui/button";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";
 import { number } from "../../ui/format";
@@ -115,9 +116,12 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
           </span>
         </label>
         <p class="signal-note">{TEXT.causal}</p>
-        <button type="submit" class="btn main" disabled={busy.value || text.value.trim() === ""}>
-          {signal ? TEXT.save : TEXT.saveAndPlot}
-        </button>
+        <Button
+          type="submit"
+          look="main"
+          words={signal ? TEXT.save : TEXT.saveAndPlot}
+          disabled={busy.value || text.value.trim() === ""}
+        />
       </form>
     </Dialog>
   );

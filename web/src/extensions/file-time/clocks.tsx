@@ -1,5 +1,6 @@
 /** All clocks of a message with their figures and steps, drawn over the length of the file or of the memory of a stream. */
 import type { Deps } from "../../panels/panel-context";
+import { Button } from "../../ui/button";
 import { number, rate as rateText, signed, clock as timeOfDay } from "../../ui/format";
 import type { FileClock, FileTime, MessageClocks } from "../../wire/routes";
 import { DifferencePlot, DifferenceStrip } from "./difference-plot";
@@ -84,9 +85,7 @@ function Row({ clock, onUse }: RowProps) {
           </span>
         )}
         {onUse && !clock.is_axis && clock.use !== "" && (
-          <button type="button" class="btn small edge" title={TEXT.useHint} onClick={() => onUse(clock)}>
-            {TEXT.use}
-          </button>
+          <Button look="small edge" words={TEXT.use} title={TEXT.useHint} onClick={() => onUse(clock)} />
         )}
       </th>
       <td>{clock.unit}</td>
@@ -158,14 +157,12 @@ function StepList({ clock, jump }: Pick<CourseProps, "clock" | "jump">) {
     <ul>
       {clock.steps.map((step) => (
         <li key={step.row}>
-          <button
-            type="button"
-            class="btn small"
+          <Button
+            look="small"
+            words={timeOfDay(step.time, 3)}
             title={TEXT.show}
             onClick={() => jump?.({ t0: step.time - ROOM_S, t1: step.time + ROOM_S })}
-          >
-            {timeOfDay(step.time, 3)}
-          </button>{" "}
+          />{" "}
           {clock.name} {words(step)} <span class="dim no-wrap">{TEXT.atSample(step.row)}</span>
         </li>
       ))}

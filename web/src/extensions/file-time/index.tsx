@@ -6,6 +6,7 @@ import { effect } from "@preact/signals";
 import { type DeviceActionProps, registerExtension } from "../../extension";
 import type { App } from "../../pages/app-state";
 import { route } from "../../pages/route";
+import { Button } from "../../ui/button";
 import { late } from "../../ui/late";
 import { latePanel } from "../../ui/late-panel";
 import { linkFigures } from "./figure-links";
@@ -25,14 +26,12 @@ function start(app: App): void {
 function TimeButton({ app, device }: DeviceActionProps) {
   if (device.status !== "live") return null;
   return (
-    <button
-      type="button"
-      class="btn small"
+    <Button
+      look="small"
+      words={TEXT.streamButton}
       title={TEXT.streamHint}
       onClick={() => (app.overlay.value = "file-time/clocks")}
-    >
-      {TEXT.streamButton}
-    </button>
+    />
   );
 }
 

@@ -3,6 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { FileClock, FileTime } from "../../wire/routes";
 import type { Deps } from "../../panels/panel-context";
+import { Button } from "../../ui/button";
 import type { Panel } from "../../ui/dom";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
@@ -63,24 +64,20 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
             <span class="dim">{time.is_table ? TEXT.isChosen : `${TEXT.isChosen} ${TEXT.notPlayed}`}</span>
           )}
           {time.is_table && (
-            <button
-              type="button"
-              class="btn small edge"
+            <Button
+              look="small edge"
+              words={TEXT.readOtherwise}
               title={TEXT.readOtherwiseHint}
               onClick={() => deps.open.dialog("file-time/reading", time)}
-            >
-              {TEXT.readOtherwise}
-            </button>
+            />
           )}
           {time.is_chosen && (
-            <button
-              type="button"
-              class="btn small edge"
+            <Button
+              look="small edge"
+              words={TEXT.automatic}
               title={time.is_table ? TEXT.automaticHint : TEXT.automaticClock}
               onClick={() => void automatic()}
-            >
-              {TEXT.automatic}
-            </button>
+            />
           )}
         </div>
       )}

@@ -2,6 +2,7 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../recordings/library-filter";
+import { Button } from "../../ui/button";
 import { Segmented, Select } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";
@@ -81,16 +82,10 @@ export function ReadingDialog({ recording, title, state, onClose, onChosen }: Pr
         <div class="row">
           <span class="grow dim">{TEXT.remembered}</span>
           {state.is_chosen && (
-            <button type="button" class="btn edge" title={TEXT.automaticHint} onClick={() => void choose(true)}>
-              {TEXT.automatic}
-            </button>
+            <Button look="edge" words={TEXT.automatic} title={TEXT.automaticHint} onClick={() => void choose(true)} />
           )}
-          <button type="button" class="btn edge" onClick={onClose}>
-            {COMMON.cancel}
-          </button>
-          <button type="submit" class="btn main" disabled={busy.value || !table || table.about !== ""}>
-            {TEXT.readSo}
-          </button>
+          <Button look="edge" words={COMMON.cancel} onClick={onClose} />
+          <Button type="submit" look="main" words={TEXT.readSo} disabled={busy.value || !table || table.about !== ""} />
         </div>
       </form>
     </Dialog>

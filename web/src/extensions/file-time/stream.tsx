@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Deps } from "../../panels/panel-context";
+import { Button } from "../../ui/button";
 import type { Panel } from "../../ui/dom";
 import { type HttpProblem, request } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
@@ -54,9 +55,7 @@ export function StreamPanel({ deps, onJump }: Props) {
     <div class="file-time">
       <div class="file-time-head" role="status">
         <span>{isBusy.value ? TEXT.measuring : found ? TEXT.spanOf(shortDuration(found.end - found.start)) : ""}</span>
-        <button type="button" class="btn small edge" disabled={isBusy.value} onClick={() => turn.value++}>
-          {TEXT.again}
-        </button>
+        <Button look="small edge" words={TEXT.again} disabled={isBusy.value} onClick={() => turn.value++} />
       </div>
       {problem.value && <ProblemNote problem={problem.value} />}
       {found?.sentences.map((sentence) => (

@@ -1,4 +1,5 @@
 /** The choices of the histogram: quantity, signals, range, scale, bins, and the values shown. */
+import { Button } from "../../ui/button";
 import type { Channel } from "../../data/channels";
 import type { HistogramChoice, ViewState } from "../../data/view-state";
 import { plottable } from "../../signals/custom-plots";
@@ -72,15 +73,13 @@ export function HistogramTools({ viewState, channels, channel }: Props) {
         options={withOwn(WITHIN, choice.within).map((n) => [String(n), n === 0 ? TEXT.all : TEXT.withinSigma(n)])}
         onChange={(n) => choose({ within: Number(n) || undefined })}
       />
-      <button
-        type="button"
-        class="btn toggle"
+      <Button
+        look="toggle"
+        words={TEXT.curve}
         aria-pressed={choice.noCurve !== true}
         title={TEXT.curveHint}
         onClick={() => choose({ noCurve: choice.noCurve ? undefined : true })}
-      >
-        {TEXT.curve}
-      </button>
+      />
     </ChartTools>
   );
 }

@@ -4,6 +4,7 @@
  */
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { day, duration } from "../../plots/axis";
+import { Button } from "../../ui/button";
 import { Select } from "../../ui/choices";
 import { clock } from "../../ui/format";
 import { type HttpProblem, request } from "../../ui/http";
@@ -132,9 +133,7 @@ export function GoTo({ deps }: { readonly deps: UnderPlots }) {
           onInput={(event) => (goTo.value = { ...goTo.peek(), text: event.currentTarget.value })}
         />
       </span>
-      <button type="submit" class="btn edge">
-        {TEXT.go}
-      </button>
+      <Button type="submit" look="edge" words={TEXT.go} />
       <IconButton icon="back" label={TEXT.previous} onClick={() => step(false)} />
       <Select
         label={TEXT.kind}

@@ -3,6 +3,7 @@ import { useComputed, useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import type { Deps } from "../../panels/panel-context";
 import { recordingsApi } from "../../recordings/api";
+import { Button } from "../../ui/button";
 import type { Panel } from "../../ui/dom";
 import type { HttpProblem } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
@@ -114,9 +115,11 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
           )}
         </p>
         {note}
-        <button type="button" class="btn small edge" onClick={() => (before.value = stored.peek())}>
-          {stored.value === "" ? TEXT.write : TEXT.edit}
-        </button>
+        <Button
+          look="small edge"
+          words={stored.value === "" ? TEXT.write : TEXT.edit}
+          onClick={() => (before.value = stored.peek())}
+        />
       </div>
     );
   }
@@ -149,16 +152,15 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
         </>
       )}
       <div class="notes-foot">
-        <button type="button" class="btn small edge" title={TEXT.insertHint} onClick={insert}>
-          {measure.value === undefined ? TEXT.insertTime : TEXT.insertRange}
-        </button>
+        <Button
+          look="small edge"
+          words={measure.value === undefined ? TEXT.insertTime : TEXT.insertRange}
+          title={TEXT.insertHint}
+          onClick={insert}
+        />
         <span class="grow" />
-        <button type="button" class="btn small" onClick={cancel}>
-          {TEXT.cancel}
-        </button>
-        <button type="submit" class="btn small main">
-          {TEXT.save}
-        </button>
+        <Button look="small" words={TEXT.cancel} onClick={cancel} />
+        <Button type="submit" look="small main" words={TEXT.save} />
       </div>
     </form>
   );

@@ -1,5 +1,6 @@
 /** Defines a vendor's own payload: a short text in TOML, checked by the server; its bytes become plots. */
 import { useSignal } from "@preact/signals";
+import { Button } from "../../ui/button";
 import { api, type HttpProblem } from "../../ui/http";
 import { Dialog } from "../../ui/dialog";
 import { Message } from "../../ui/message";
@@ -60,12 +61,13 @@ export function PayloadDialog({ app, payload, onClose }: Props) {
           </div>
         )}
         <div class="row">
-          <button type="button" class="btn" onClick={onClose}>
-            {COMMON.cancel}
-          </button>
-          <button type="submit" class="btn main" disabled={busy.value}>
-            {busy.value ? COMMON.sending : TEXT.useDefinition}
-          </button>
+          <Button words={COMMON.cancel} onClick={onClose} />
+          <Button
+            type="submit"
+            look="main"
+            words={busy.value ? COMMON.sending : TEXT.useDefinition}
+            disabled={busy.value}
+          />
         </div>
       </form>
     </Dialog>

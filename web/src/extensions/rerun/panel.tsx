@@ -5,7 +5,7 @@
 import { signal } from "@preact/signals";
 import { madeFor } from "../../pages/app-state";
 import type { OpenRecording } from "../../pages/recordings/open-recording";
-import { Icon } from "../../ui/icons";
+import { Button } from "../../ui/button";
 import { shownRobot } from "../../ui/server-place";
 import { theme } from "../../ui/theme";
 import { viewerHref } from "./viewer-href";
@@ -29,12 +29,7 @@ export function RerunButton({ recording }: Props) {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
     shown.value = viewerHref(replay.detail.info.id, loop, theme.peek());
   };
-  return (
-    <button type="button" class="btn edge" title={TEXT.openInRerunHint} onClick={open}>
-      <Icon name="cube" />
-      {TEXT.openInRerun}
-    </button>
-  );
+  return <Button look="edge" icon="cube" words={TEXT.openInRerun} title={TEXT.openInRerunHint} onClick={open} />;
 }
 
 /** The frame, over everything else of the page. */

@@ -7,6 +7,7 @@ import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference, SideRef } from "../../forms/types";
 import type { Present } from "../../forms/edits";
+import { Button } from "../../ui/button";
 import type { Outcome, HttpProblem } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { fullName, shortName } from "../../wire/device-name";
@@ -95,19 +96,15 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
         </tbody>
       </table>
       <div class="adopt control-row">
-        <button
-          type="button"
-          class="btn main"
+        <Button
+          look="main"
+          words={ready.length > 1 ? TEXT.applyToDevices(ready.length) : TEXT.applyProfile}
           disabled={model.page.viewOnly.value || ready.length === 0}
           onClick={() => ask(model, ready, title, checks.value, results)}
-        >
-          {ready.length > 1 ? TEXT.applyToDevices(ready.length) : TEXT.applyProfile}
-        </button>
+        />
         <span class="dim">{TEXT.rolloutSteps}</span>
         {Object.keys(results.value).length > 0 && (
-          <button type="button" class="btn small" onClick={() => (results.value = {})}>
-            {TEXT.dismissResults}
-          </button>
+          <Button look="small" words={TEXT.dismissResults} onClick={() => (results.value = {})} />
         )}
       </div>
     </section>
@@ -187,14 +184,12 @@ function Changes({ model, device, check }: Pick<RowProps, "model" | "device" | "
           <Message text={check.problem.message} />
         </span>{" "}
         {check.problem.kind === "not-read" && (
-          <button
-            type="button"
-            class="btn small edge"
+          <Button
+            look="small edge"
+            words={TEXT.readDevice(fullName(device))}
             disabled={model.page.viewOnly.value}
             onClick={() => void model.run(configureApi.read(device.id))}
-          >
-            {TEXT.readDevice(fullName(device))}
-          </button>
+          />
         )}
       </>
     );

@@ -1,15 +1,12 @@
 /** ROS 2: the topics of a device. */
 import { type DeviceActionProps, registerExtension } from "../../extension";
+import { Button } from "../../ui/button";
 import { late } from "../../ui/late";
 import { TEXT } from "./texts";
 
 function TopicsButton({ app, device }: DeviceActionProps) {
   if (device.status !== "live") return null;
-  return (
-    <button type="button" class="btn small" onClick={() => (app.overlay.value = "ros2/topics")}>
-      {TEXT.ros}
-    </button>
-  );
+  return <Button look="small" words={TEXT.ros} onClick={() => (app.overlay.value = "ros2/topics")} />;
 }
 
 registerExtension({

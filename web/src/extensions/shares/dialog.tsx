@@ -1,6 +1,7 @@
 /** The programs that share the port of a device: who is there, who talks, what was lost; shares are added and ended. */
 import { type Signal, useSignal } from "@preact/signals";
 import { bytes } from "../../recordings/library-filter";
+import { Button } from "../../ui/button";
 import { Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { clock } from "../../ui/format";
@@ -74,19 +75,13 @@ function Speaker({ port, state }: { readonly port: SharedPort; readonly state: S
         <span class={`dot ${speaker === "" ? "off" : "live"}`} /> {text}
       </p>
       {configuring && !isAsking.value && (
-        <button type="button" class="btn small edge" onClick={() => (isAsking.value = true)}>
-          {TEXT.takeOver}
-        </button>
+        <Button look="small edge" words={TEXT.takeOver} onClick={() => (isAsking.value = true)} />
       )}
       {configuring && isAsking.value && (
         <div class="actions" role="group" aria-label={TEXT.takeOver}>
           <span class="grow">{TEXT.takeOverHint(speaker)}</span>
-          <button type="button" class="btn small edge" onClick={takeOver}>
-            {TEXT.takeOverFrom(speaker)}
-          </button>
-          <button type="button" class="btn small" onClick={() => (isAsking.value = false)}>
-            {COMMON.cancel}
-          </button>
+          <Button look="small edge" words={TEXT.takeOverFrom(speaker)} onClick={takeOver} />
+          <Button look="small" words={COMMON.cancel} onClick={() => (isAsking.value = false)} />
         </div>
       )}
       {holder > 0 && <p class="dim">{TEXT.heldByProcess(holder)}</p>}
@@ -130,9 +125,7 @@ function Share({ share, state }: { readonly share: PortShare; readonly state: St
         <b class="mono">{share.name}</b>
         <span class="dim">{share.read_only ? TEXT.readsOnly : ""}</span>
         <span class="grow" />
-        <button type="button" class="btn small edge" aria-label={TEXT.endShareNamed(share.name)} onClick={end}>
-          {TEXT.endShare}
-        </button>
+        <Button look="small edge" words={TEXT.endShare} aria-label={TEXT.endShareNamed(share.name)} onClick={end} />
       </div>
       {share.clients.length === 0 ? (
         <p class="dim">{TEXT.nobodyConnected}</p>
@@ -167,9 +160,7 @@ function Client({ client, share, state }: ClientProps) {
         <span>{client.waits ? `${access}, ${TEXT.waitsForItsTurn}` : access}</span>
         {client.limited && <span class="tag warn">{TEXT.heldBack}</span>}
         <span class="grow" />
-        <button type="button" class="btn small" aria-label={TEXT.disconnectNamed(client.name)} onClick={drop}>
-          {TEXT.disconnect}
-        </button>
+        <Button look="small" words={TEXT.disconnect} aria-label={TEXT.disconnectNamed(client.name)} onClick={drop} />
       </div>
       <dl>
         <Figure name={TEXT.toProgram} value={quantity(client.sent)} />
@@ -254,9 +245,12 @@ function AddShare({ state }: { readonly state: State }) {
         <span>{TEXT.onlyReading}</span>
       </label>
       <div class="row">
-        <button type="submit" class="btn main" disabled={busy.value || address.trim() === ""}>
-          {busy.value ? TEXT.sharing : TEXT.shareNow}
-        </button>
+        <Button
+          type="submit"
+          look="main"
+          words={busy.value ? TEXT.sharing : TEXT.shareNow}
+          disabled={busy.value || address.trim() === ""}
+        />
       </div>
     </form>
   );

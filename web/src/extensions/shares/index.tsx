@@ -1,6 +1,7 @@
 /** Sharing the port of a device with other programs. */
 import { type DeviceActionProps, type LiveDialogProps, registerExtension } from "../../extension";
 
+import { Button } from "../../ui/button";
 import { late } from "../../ui/late";
 import { linkNamed } from "../../wire/capabilities";
 import { TEXT } from "./texts";
@@ -9,11 +10,7 @@ const SharePort = late(async () => (await import("./dialog")).SharePort);
 
 function SharePortButton({ app, device }: DeviceActionProps) {
   if (device.parent !== "" || linkNamed(device.link)?.shareable !== true) return null;
-  return (
-    <button type="button" class="btn small" onClick={() => (app.overlay.value = "shares/dialog")}>
-      {TEXT.sharePort}
-    </button>
-  );
+  return <Button look="small" words={TEXT.sharePort} onClick={() => (app.overlay.value = "shares/dialog")} />;
 }
 
 const Live = (properties: LiveDialogProps) => <SharePort {...properties} />;

@@ -2,6 +2,7 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/frame-chips";
+import { Button } from "../../ui/button";
 import { Segmented } from "../../ui/choices";
 import { clock, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
@@ -37,23 +38,17 @@ export function TrafficLog({ app, model }: Slots["configureSide"]) {
         <h2>{COMMON.trafficLog}</h2>
         <span>{TEXT.bothDirections}</span>
         <span class="grow" />
-        <button
-          type="button"
-          class="btn"
+        <Button
+          words={TEXT.filter}
           aria-pressed={filtering.value}
           onClick={() => (filtering.value = !filtering.value)}
-        >
-          {TEXT.filter}
-        </button>
-        <button
-          type="button"
-          class="btn"
+        />
+        <Button
+          words={TEXT.sendHex}
           aria-pressed={byHand.value}
           disabled={configureOf(app).viewOnly.value}
           onClick={() => (byHand.value = !byHand.value)}
-        >
-          {TEXT.sendHex}
-        </button>
+        />
       </div>
       {filtering.value && <Filter wanted={wanted} />}
       {byHand.value && model && <ByHand model={model} />}
@@ -125,9 +120,7 @@ function Log({ model, wanted: { text: filter, direction } }: { readonly model: M
   return (
     <div class="log-box" ref={box} onScroll={onScroll} tabIndex={0} role="region" aria-label={COMMON.trafficLog}>
       {!log.noOlder.value && log.entries.value.length > 0 && (
-        <button type="button" class="btn small earlier" onClick={() => void log.loadOlder()}>
-          {TEXT.earlier}
-        </button>
+        <Button look="small earlier" words={TEXT.earlier} onClick={() => void log.loadOlder()} />
       )}
       {entries.length === 0 && (
         <p class="dim log-empty">{log.entries.value.length > 0 ? TEXT.noFilterMatch : TEXT.noTraffic}</p>
@@ -183,14 +176,12 @@ function Entry({ entry, model, opened }: EntryProps) {
           </span>
         )}
         {open && sent && (
-          <button
-            type="button"
-            class="btn small edge"
+          <Button
+            look="small edge"
+            words={TEXT.sendAgain}
             disabled={model.page.viewOnly.value}
             onClick={() => void sendBytes(model, entry.hex, entry.name)}
-          >
-            {TEXT.sendAgain}
-          </button>
+          />
         )}
       </div>
     </li>
@@ -248,9 +239,7 @@ function ByHand({ model }: { readonly model: Model }) {
           onInput={(event) => (hex.value = event.currentTarget.value)}
         />
       </label>
-      <button type="submit" class="btn edge" disabled={plain === "" || why !== ""}>
-        {CONFIGURE.send}
-      </button>
+      <Button type="submit" look="edge" words={CONFIGURE.send} disabled={plain === "" || why !== ""} />
       <p id="byhand-why" class={why ? "why-not" : "dim"}>
         {why || TEXT.sentUnchanged}
       </p>

@@ -3,6 +3,7 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Slot, type Slots } from "../../extension";
 import { selected } from "../../panels/panel-context";
+import { Button } from "../../ui/button";
 import { Select } from "../../ui/choices";
 import type { HttpProblem } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
@@ -65,18 +66,16 @@ export function StoredSection({ session, deps }: Props) {
           onChoose={choose}
         />
         {name !== undefined && (
-          <button
-            type="button"
-            class="btn edge"
+          <Button
+            look="edge"
+            words={TEXT.save}
             onClick={() =>
               void run(
                 () => saveAs(session, deps.store.devices.peek(), name, current.peek()?.revision),
                 TEXT.saved(name),
               )
             }
-          >
-            {TEXT.save}
-          </button>
+          />
         )}
       </div>
       <SaveNew session={session} deps={deps} run={run} />
@@ -120,9 +119,7 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
           onInput={(event) => (text.value = event.currentTarget.value)}
         />
       </span>
-      <button type="submit" class="btn edge" disabled={text.value.trim() === ""}>
-        {TEXT.saveNew}
-      </button>
+      <Button type="submit" look="edge" words={TEXT.saveNew} disabled={text.value.trim() === ""} />
     </form>
   );
 }
@@ -131,20 +128,16 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
 function Conflict({ session, deps, name, run }: Props & { readonly name: string; readonly run: Run }) {
   return (
     <div class="stored-row">
-      <button
-        type="button"
-        class="btn edge"
+      <Button
+        look="edge"
+        words={TEXT.openNewer}
         onClick={() => void run(() => openStored(session, name), TEXT.opened(name))}
-      >
-        {TEXT.openNewer}
-      </button>
-      <button
-        type="button"
-        class="btn edge"
+      />
+      <Button
+        look="edge"
+        words={TEXT.replaceWithMine}
         onClick={() => void run(() => saveAs(session, deps.store.devices.peek(), name, "*"), TEXT.saved(name))}
-      >
-        {TEXT.replaceWithMine}
-      </button>
+      />
     </div>
   );
 }
@@ -175,21 +168,17 @@ function More({ session, deps, list, run, said }: MoreProps) {
     <details>
       <summary>{TEXT.more}</summary>
       <div class="stored-row">
-        <button type="button" class="btn edge" onClick={() => void save()}>
-          {TEXT.exportFile}
-        </button>
+        <Button look="edge" words={TEXT.exportFile} onClick={() => void save()} />
         <label class="btn edge">
           {TEXT.importFile}
           <input type="file" class="visually-hidden" accept=".json,application/json" onChange={pick} />
         </label>
         {name !== undefined && (
-          <button
-            type="button"
-            class="btn edge"
+          <Button
+            look="edge"
+            words={TEXT.remove}
             onClick={() => void run(() => removeStored(session), TEXT.deleted(name))}
-          >
-            {TEXT.remove}
-          </button>
+          />
         )}
       </div>
       {name !== undefined && family !== "" && (

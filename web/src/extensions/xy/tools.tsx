@@ -1,4 +1,5 @@
 /** The choices of the XY plot: both signals, range, time as colour or trail, lines or points, scale, and how signals are paired. */
+import { Button } from "../../ui/button";
 import type { ViewState, XyChoice } from "../../data/view-state";
 import { channelsOf, type Deps } from "../../panels/panel-context";
 import { type Found, unitOf } from "../../signals/custom-plots";
@@ -27,15 +28,13 @@ export function XyTools({ deps }: { readonly deps: Deps }) {
   return (
     <ChartTools>
       <SignalSelect label={TEXT.y} signals={signals} value={y} onChange={pick("y")} />
-      <button
-        type="button"
-        class="btn icon"
+      <Button
+        look="icon"
+        words="⇄"
         aria-label={TEXT.swap}
         title={TEXT.swap}
         onClick={() => choose(viewState, { x: columnName(y), y: columnName(x) })}
-      >
-        ⇄
-      </button>
+      />
       <SignalSelect label={TEXT.x} signals={signals} value={x} onChange={pick("x")} />
       <RangeChoice viewState={viewState} range={choice.range} onChange={(range) => choose(viewState, { range })} />
       <Pair
@@ -59,15 +58,13 @@ export function XyTools({ deps }: { readonly deps: Deps }) {
         />
       )}
       {unitOf(x) === unitOf(y) && (
-        <button
-          type="button"
-          class="btn toggle"
+        <Button
+          look="toggle"
+          words={TEXT.equal}
           aria-pressed={choice.isEqual === true}
           title={TEXT.equalHint}
           onClick={() => choose(viewState, { isEqual: choice.isEqual ? undefined : true })}
-        >
-          {TEXT.equal}
-        </button>
+        />
       )}
     </ChartTools>
   );

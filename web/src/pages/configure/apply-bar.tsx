@@ -1,6 +1,7 @@
 /** The bar at the foot: pending changes, why they cannot be written, progress and result. */
 import { useEffect, useRef } from "preact/hooks";
 import type { Job } from "../../wire/types";
+import { Button } from "../../ui/button";
 import { IconButton } from "../../ui/icon-button";
 import { Message } from "../../ui/message";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
@@ -60,18 +61,14 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
         />
       </label>
       <IconButton icon="undo" label={TEXT.undoLastEdit} title={TEXT.undoHint} onClick={() => model.undo()} />
-      <button type="button" class="btn edge" onClick={() => model.discard()}>
-        {TEXT.discardAll}
-      </button>
-      <button
-        type="button"
-        class="btn main"
+      <Button look="edge" words={TEXT.discardAll} onClick={() => model.discard()} />
+      <Button
+        look="main"
+        words={COMMON.apply}
         disabled={blocked !== ""}
         aria-describedby="apply-why"
         onClick={() => void apply(model, names)}
-      >
-        {COMMON.apply}
-      </button>
+      />
     </div>
   );
 }
@@ -92,11 +89,7 @@ function Progress({ model, id }: { readonly model: Model; readonly id: number })
       <div class="grow">
         <JobLine model={model} id={id} />
       </div>
-      {job && isOver(job) && (
-        <button type="button" class="btn edge" onClick={dismiss}>
-          {tookAll(job) ? TEXT.ok : TEXT.editAgain}
-        </button>
-      )}
+      {job && isOver(job) && <Button look="edge" words={tookAll(job) ? TEXT.ok : TEXT.editAgain} onClick={dismiss} />}
     </div>
   );
 }

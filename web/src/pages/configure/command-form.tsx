@@ -5,7 +5,7 @@ import { FieldList } from "../../forms/field";
 import type { FormContext } from "../../forms/form-context";
 import type { CommandForm } from "../../forms/types";
 import { type Path, valueWords as wordsOf } from "../../forms/values";
-import { Icon } from "../../ui/icons";
+import { Button } from "../../ui/button";
 import { route } from "../route";
 import type { Model } from "./model";
 import { configureApi } from "./api";
@@ -56,15 +56,13 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
       {form.arguments.length > 0 && <FieldList sheet={sheet} fields={form.arguments} />}
       <LooseProblems problems={loose} />
       <div class="send-row">
-        <button
-          type="button"
-          class={`btn ${form.caution ? "edge" : "main"}`}
+        <Button
+          look={form.caution ? "edge" : "main"}
+          icon="right"
+          words={form.kind === "ask" ? TEXT.request : TEXT.send}
           disabled={blocked !== ""}
           onClick={() => void send(model, form)}
-        >
-          <Icon name="right" />
-          {form.kind === "ask" ? TEXT.request : TEXT.send}
-        </button>
+        />
         <span class="dim">{blocked || (form.reply ? TEXT.answeredBy(form.reply) : TEXT.noReply)}</span>
       </div>
       {job !== undefined && <JobLine model={model} id={job} />}

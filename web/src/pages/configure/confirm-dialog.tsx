@@ -1,5 +1,6 @@
 /** Confirmation before harm: a dialog that names what is lost or cut; the safe button has the focus. */
 import { useEffect, useRef } from "preact/hooks";
+import { Button } from "../../ui/button";
 import { Dialog } from "../../ui/dialog";
 import { Message } from "../../ui/message";
 import { CAUTIONS, type Question } from "./view-state";
@@ -26,12 +27,8 @@ export function Ask({ asked, close }: { readonly asked: Question; readonly close
         </p>
       ))}
       <div class="question-actions">
-        <button type="button" class="btn main" ref={safe} onClick={close}>
-          {TEXT.leaveUnchanged}
-        </button>
-        <button type="button" class="btn edge" onClick={act}>
-          {asked.go}
-        </button>
+        <Button look="main" words={TEXT.leaveUnchanged} ref={safe} onClick={close} />
+        <Button look="edge" words={asked.go} onClick={act} />
       </div>
     </Dialog>
   );

@@ -5,6 +5,7 @@ import type { App } from "../app-state";
 import { ResumeButton } from "../empty-states";
 import type { Model } from "./model";
 import { linkTo, pauseOf, readAll, unfinishedOf } from "./view-state";
+import { Button } from "../../ui/button";
 import { Band } from "../../ui/band";
 import { Card } from "../../ui/card";
 import { clock } from "../../ui/format";
@@ -41,9 +42,12 @@ export function NotRead({ model }: { readonly model: Model }) {
         <JobLine model={model} id={failed.id} />
       )}
       <div class="row">
-        <button type="button" class="btn main" disabled={model.page.viewOnly.value} onClick={() => readAll(model)}>
-          {TEXT.readSettings}
-        </button>
+        <Button
+          look="main"
+          words={TEXT.readSettings}
+          disabled={model.page.viewOnly.value}
+          onClick={() => readAll(model)}
+        />
       </div>
     </Card>
   );
@@ -73,9 +77,7 @@ export function NoForms({ model }: { readonly model: Model }) {
   return (
     <Card title={title} dot={problem ? "bad" : "off"} message={message} hint={problem?.hint || device?.message}>
       <div class="row">
-        <button type="button" class="btn main" onClick={() => void model.load()}>
-          {TEXT.tryAgain}
-        </button>
+        <Button look="main" words={TEXT.tryAgain} onClick={() => void model.load()} />
       </div>
     </Card>
   );
@@ -149,9 +151,7 @@ export function SensorBand({ model }: { readonly model: Model }) {
     return (
       <Band tone="calm" dot="warn" title={TEXT.anotherSensor} data-key="another-sensor">
         <span class="grow">{TEXT.putAside(aside.of, model.fullName, aside.count)}</span>
-        <button type="button" class="btn small" onClick={() => (model.putAside.value = undefined)}>
-          {TEXT.dismiss}
-        </button>
+        <Button look="small" words={TEXT.dismiss} onClick={() => (model.putAside.value = undefined)} />
       </Band>
     );
   }
@@ -159,14 +159,12 @@ export function SensorBand({ model }: { readonly model: Model }) {
   return (
     <Band tone="calm" dot="warn" title={TEXT.notConfirmed} data-key="unconfirmed">
       <span class="grow">{TEXT.mayBeAnother(device.serial_number, clock(device.unconfirmed_since))}</span>
-      <button
-        type="button"
-        class="btn small edge"
+      <Button
+        look="small edge"
+        words={TEXT.readSettings}
         disabled={model.page.viewOnly.value || Boolean(model.jobs.value?.running)}
         onClick={() => readAll(model)}
-      >
-        {TEXT.readSettings}
-      </button>
+      />
     </Band>
   );
 }
@@ -189,9 +187,7 @@ export function ElsewhereBand({ model }: { readonly model: Model }) {
         </ul>
         <span class="dim">{TEXT.editsRebased}</span>
       </div>
-      <button type="button" class="btn small" onClick={() => (model.elsewhere.value = [])}>
-        {TEXT.dismiss}
-      </button>
+      <Button look="small" words={TEXT.dismiss} onClick={() => (model.elsewhere.value = [])} />
     </Band>
   );
 }
@@ -215,9 +211,7 @@ export function ProblemLine({ model }: { readonly model: Model }) {
       <span class="grow">
         <Message text={problem.hint} />
       </span>
-      <button type="button" class="btn small" onClick={() => (model.problem.value = undefined)}>
-        {TEXT.dismiss}
-      </button>
+      <Button look="small" words={TEXT.dismiss} onClick={() => (model.problem.value = undefined)} />
     </Band>
   );
 }

@@ -1,5 +1,6 @@
 /** Jobs of the device: running, waiting, finished. */
 import type { DeviceJobs, FieldOutcome, Job } from "../../wire/types";
+import { Button } from "../../ui/button";
 import { Message } from "../../ui/message";
 import { labelWords } from "../../ui/labels";
 import type { Model } from "./model";
@@ -51,9 +52,11 @@ export function stateWords(job: Job): string {
 
 export function StopJob({ model, job }: { readonly model: Model; readonly job: Job }) {
   return (
-    <button type="button" class="btn small edge" onClick={() => void model.run(configureApi.stop(model.id, job.id))}>
-      {job.state === "waiting" ? TEXT.removeFromQueue : COMMON.stop}
-    </button>
+    <Button
+      look="small edge"
+      words={job.state === "waiting" ? TEXT.removeFromQueue : COMMON.stop}
+      onClick={() => void model.run(configureApi.stop(model.id, job.id))}
+    />
   );
 }
 

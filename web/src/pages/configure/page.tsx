@@ -1,7 +1,7 @@
 /** The Configure page: settings on the left, the form in the middle, what extensions show on the right. Loaded when it is first opened. */
 import { useEffect } from "preact/hooks";
 import { BudgetLine } from "../../forms/budget-bar";
-import { Icon } from "../../ui/icons";
+import { Button } from "../../ui/button";
 import type { App } from "../app-state";
 import { TopBar } from "../top-bar";
 import { route } from "../route";
@@ -238,16 +238,14 @@ function Title({ app, model, place }: { readonly app: App; readonly model: Model
         </p>
       </div>
       <span class="grow" />
-      <button
-        type="button"
-        class="btn edge phone"
+      <Button
+        look="edge phone"
+        icon="search"
+        words={COMMON.settings}
         aria-expanded={sheet.value === "rail"}
         aria-controls="rail"
         onClick={() => (sheet.value = "rail")}
-      >
-        <Icon name="search" />
-        {COMMON.settings}
-      </button>
+      />
       {form && (
         <span class="desk">
           <Discard model={model} form={form} edits={model.counts.value.get(form.name) ?? 0} />
@@ -271,14 +269,11 @@ function Title({ app, model, place }: { readonly app: App; readonly model: Model
 
 function ReadAgain({ model }: { readonly model: Model }) {
   return (
-    <button
-      type="button"
-      class="btn"
+    <Button
+      words={TEXT.readAgain}
       disabled={model.page.viewOnly.value || Boolean(model.jobs.value?.running)}
       title={TEXT.readAllHint}
       onClick={() => readAll(model)}
-    >
-      {TEXT.readAgain}
-    </button>
+    />
   );
 }

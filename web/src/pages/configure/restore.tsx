@@ -1,4 +1,5 @@
 /** The guided procedure for a device that answers at no rate: the user power-cycles it while the server calls it. */
+import { Button } from "../../ui/button";
 import { isOver, JobLine, jobOf } from "./jobs";
 import type { Model } from "./model";
 import { configureApi } from "./api";
@@ -21,14 +22,12 @@ export function Restore({ model }: { readonly model: Model }) {
         <li {...step(0)}>
           <b>{TEXT.startStep}</b> {TEXT.restoreCalls}{" "}
           {at !== 1 && (
-            <button
-              type="button"
-              class="btn small main"
+            <Button
+              look="small main"
+              words={job ? TEXT.startAgain : TEXT.startRestore}
               disabled={model.page.viewOnly.value}
               onClick={() => void start()}
-            >
-              {job ? TEXT.startAgain : TEXT.startRestore}
-            </button>
+            />
           )}
         </li>
         <li {...step(1)}>

@@ -12,6 +12,7 @@ import { type Model, modelOf } from "./model";
 import { Restore } from "./restore";
 import { configureApi } from "./api";
 import "./styles";
+import { Button } from "../../ui/button";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
 import { TEXT } from "../../texts/configure";
@@ -99,11 +100,7 @@ function Deck({ rollback, model, store, dismiss }: Props) {
           <Message text={rollback.words} />
         </p>
       </div>
-      {!busy && (
-        <button type="button" class="btn edge" onClick={dismiss}>
-          {TEXT.ok}
-        </button>
-      )}
+      {!busy && <Button look="edge" words={TEXT.ok} onClick={dismiss} />}
     </section>
   );
 }
@@ -161,23 +158,19 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
         </p>
         {model.problem.value && <ProblemNote problem={model.problem.value} />}
       </div>
-      <button
-        type="button"
-        class="btn edge"
+      <Button
+        look="edge"
+        words={TEXT.rollBackNow}
         ref={back}
         disabled={model.page.viewOnly.value || offline}
         onClick={() => void model.run(configureApi.rollBack(rollback.device))}
-      >
-        {TEXT.rollBackNow}
-      </button>
-      <button
-        type="button"
-        class="btn main"
+      />
+      <Button
+        look="main"
+        words={TEXT.confirm}
         disabled={model.page.viewOnly.value || offline}
         onClick={() => void model.run(configureApi.confirm(rollback.device))}
-      >
-        {TEXT.confirm}
-      </button>
+      />
     </section>
   );
 }
@@ -196,9 +189,7 @@ function Unreachable({ rollback, model, dismiss }: Omit<Props, "store">) {
         <Restore model={model} />
         {model.problem.value && <ProblemNote problem={model.problem.value} />}
       </div>
-      <button type="button" class="btn edge" onClick={dismiss}>
-        {TEXT.later}
-      </button>
+      <Button look="edge" words={TEXT.later} onClick={dismiss} />
     </section>
   );
 }

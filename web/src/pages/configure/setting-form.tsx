@@ -9,7 +9,7 @@ import { optionsOf } from "../../forms/options";
 import type { FormContext } from "../../forms/form-context";
 import type { FieldForm, FieldProblem, LoadInfo, SettingForm } from "../../forms/types";
 import type { Path, FormValues } from "../../forms/values";
-import { Icon } from "../../ui/icons";
+import { Button } from "../../ui/button";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
 import { makeItFit } from "./fit-rates";
@@ -80,19 +80,16 @@ export function Discard({
   readonly edits: number;
 }) {
   return edits > 0 ? (
-    <button type="button" class="btn small" onClick={() => model.discard(form.name)}>
-      <Icon name="undo" />
-      {TEXT.discardChanges(edits)}
-    </button>
+    <Button look="small" icon="undo" words={TEXT.discardChanges(edits)} onClick={() => model.discard(form.name)} />
   ) : null;
 }
 
-/** Purpose, time of effect and possible harm. */
 /** Problems of no field that is shown. */
 export function LooseProblems({ problems }: { readonly problems: readonly FieldProblem[] }) {
   return problems.map((problem) => <ProblemNote key={problem.path} class="inset" problem={problem} />);
 }
 
+/** Purpose, time of effect and possible harm. */
 export function Words({
   form,
   source = false,
@@ -184,15 +181,13 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
           hover={hover}
         >
           {form.table && (
-            <button
-              type="button"
-              class="btn edge small"
+            <Button
+              look="edge small"
+              icon="wand"
+              words={TEXT.makeFit}
               disabled={model.page.viewOnly.value || model.capacity(load) === null}
               onClick={() => void makeItFit(model, form)}
-            >
-              <Icon name="wand" />
-              {TEXT.makeFit}
-            </button>
+            />
           )}
         </BudgetBar>
       )}

@@ -1,6 +1,7 @@
 /** Actions on a snapshot: view its text, download it, save it under a name, delete it. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { Button } from "../../ui/button";
 import { Dialog } from "../../ui/dialog";
 import type { Model } from "./model";
 import { configureApi } from "./api";
@@ -37,15 +38,11 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
         <b>{info.title}</b> {info.reason && `· ${info.reason}`} {TEXT.settingCount(info.settings)}
         {info.missing ? TEXT.missingCount(info.missing) : ""}
       </span>
-      <button type="button" class="btn small edge" onClick={() => void look()}>
-        {TEXT.view}
-      </button>
+      <Button look="small edge" words={TEXT.view} onClick={() => void look()} />
       <a class="btn small edge" href={configureApi.snapshotUrl(model.id, name)} download={`${name}.yaml`}>
         {COMMON.download}
       </a>
-      <button type="button" class="btn small" disabled={model.page.viewOnly.value} onClick={ask}>
-        {COMMON.delete}
-      </button>
+      <Button look="small" words={COMMON.delete} disabled={model.page.viewOnly.value} onClick={ask} />
       {text.value !== undefined && (
         <Dialog title={name} onClose={() => (text.value = undefined)}>
           <pre class="yaml" tabIndex={0}>
@@ -62,14 +59,12 @@ export function KeepButton({ model }: { readonly model: Model }) {
   const naming = useSignal<string | undefined>(undefined);
   return (
     <>
-      <button
-        type="button"
-        class="btn edge"
+      <Button
+        look="edge"
+        words={TEXT.saveAs}
         disabled={model.page.viewOnly.value || !model.isRead.value}
         onClick={() => (naming.value = "")}
-      >
-        {TEXT.saveAs}
-      </button>
+      />
       {naming.value !== undefined && <Naming model={model} naming={naming} />}
     </>
   );
@@ -104,12 +99,8 @@ function Naming({ model, naming }: { readonly model: Model; readonly naming: Sig
           />
         </div>
         <div class="row">
-          <button type="button" class="btn" onClick={close}>
-            {COMMON.cancel}
-          </button>
-          <button type="submit" class="btn main" disabled={naming.value?.trim() === ""}>
-            {COMMON.save}
-          </button>
+          <Button words={COMMON.cancel} onClick={close} />
+          <Button type="submit" look="main" words={COMMON.save} disabled={naming.value?.trim() === ""} />
         </div>
       </form>
     </Dialog>

@@ -15,6 +15,7 @@ import {
 } from "../../recordings/library-filter";
 import { recordingsApi } from "../../recordings/api";
 import type { RecordingInfo } from "../../recordings/types";
+import { Button } from "../../ui/button";
 import { number } from "../../ui/format";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
@@ -38,16 +39,14 @@ export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; 
         <h2 class="ellipsis">{recordingTitle(info)}</h2>
         <span class="grow" />
         {info.deleted === null && (
-          <button
-            type="button"
-            class={`btn icon ${info.pinned ? "pinned" : ""}`}
+          <IconButton
+            class={info.pinned ? "pinned" : ""}
+            icon="pin"
             aria-pressed={info.pinned}
-            aria-label={TEXT.pin}
+            label={TEXT.pin}
             title={TEXT.pinHint}
             onClick={() => library.edit(info, () => ({ pinned: !info.pinned }))}
-          >
-            <Icon name="pin" />
-          </button>
+          />
         )}
         {app.sheet.value === "side" && (
           <IconButton icon="close" label={TEXT.closeDetails} onClick={() => (app.sheet.value = undefined)} />
@@ -83,34 +82,28 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         <Icon name="download" />
         {COMMON.download}
       </a>
-      <button
-        type="button"
-        class="btn edge"
+      <Button
+        look="edge"
+        icon="share"
+        words={TEXT.export}
         onClick={() =>
           (exportingOf(app).value = { info, detail: undefined, ranges: [], first: info.started ?? 0, base: "device" })
         }
-      >
-        <Icon name="share" />
-        {TEXT.export}
-      </button>
-      <button
-        type="button"
-        class="btn edge"
+      />
+      <Button
+        look="edge"
+        icon="play"
+        words={TEXT.playAsDevice}
         title={TEXT.playLoopHint}
         onClick={() => void playAsDevice(app, info.id, { speed: 1, loop: true, t0: null, t1: null })}
-      >
-        <Icon name="play" />
-        {TEXT.playAsDevice}
-      </button>
-      <button
-        type="button"
-        class="btn edge"
+      />
+      <Button
+        look="edge"
+        icon="trash"
+        words={COMMON.delete}
         title={TEXT.canBeRestoredFor7Days}
         onClick={() => void library.remove(info)}
-      >
-        <Icon name="trash" />
-        {COMMON.delete}
-      </button>
+      />
     </div>
   );
 }
@@ -120,10 +113,7 @@ function Deleted({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
     <>
       <p class="hint">{TEXT.deletedKeptFor(daysLeft(info.deleted ?? 0, app.store.serverNow()))}</p>
       <div class="actions">
-        <button type="button" class="btn main" onClick={() => void libraryOf(app).undelete(info.id)}>
-          <Icon name="undo" />
-          {TEXT.restore}
-        </button>
+        <Button look="main" icon="undo" words={TEXT.restore} onClick={() => void libraryOf(app).undelete(info.id)} />
       </div>
     </>
   );

@@ -5,11 +5,11 @@ import { bytes, length, recordingTitle } from "../../recordings/library-filter";
 import { devicesFor, formatsOf, sizeOf } from "../../recordings/export-formats";
 import { recordingsApi } from "../../recordings/api";
 import type { ExportSizes, RecordingDetail } from "../../recordings/types";
+import { Button } from "../../ui/button";
 import { Select } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { span } from "../../ui/format";
 import type { HttpProblem } from "../../ui/http";
-import { Icon } from "../../ui/icons";
 import { ProblemNote } from "../../ui/problem-note";
 import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
@@ -110,15 +110,13 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
           />
         )}
         {!chosen.single && detail && <Channels detail={detail} left={left} />}
-        <button
-          type="button"
-          class="btn main start-export"
+        <Button
+          look="main start-export"
+          icon="download"
+          words={TEXT.exportAs(chosen.title, size(chosen))}
           disabled={busy.value || channels?.length === 0}
           onClick={() => void go()}
-        >
-          <Icon name="download" />
-          {TEXT.exportAs(chosen.title, size(chosen))}
-        </button>
+        />
         {problem.value && <ProblemNote problem={problem.value} />}
         <Jobs app={app} recording={info.id} />
       </div>
@@ -183,13 +181,11 @@ function Channels({
         {TEXT.channels}{" "}
         <span class="unit">{TEXT.chosenOfAll(detail.channels.length - left.value.size, detail.channels.length)}</span>
       </summary>
-      <button
-        type="button"
-        class="btn small"
+      <Button
+        look="small"
+        words={none ? COMMON.all : TEXT.none}
         onClick={() => (left.value = none ? new Set() : new Set(detail.channels.map(({ id }) => id)))}
-      >
-        {none ? COMMON.all : TEXT.none}
-      </button>
+      />
       {detail.channels.map(({ id, title, name, unit, device, group }) => (
         <label key={id}>
           <input type="checkbox" checked={!left.value.has(id)} onChange={toggle(id)} />

@@ -1,6 +1,7 @@
 /** The exports of a recording: running, done, failed. */
 import { bytes } from "../../recordings/library-filter";
 import { recordingsApi } from "../../recordings/api";
+import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { ExportJob } from "../../wire/types";
@@ -44,9 +45,11 @@ function JobRow({ app, job }: { readonly app: App; readonly job: ExportJob }) {
           {COMMON.download}
         </a>
       ) : (
-        <button type="button" class="btn edge" onClick={() => void run(app, recordingsApi.cancelExport(job.id))}>
-          {going ? COMMON.cancel : TEXT.removeFromList}
-        </button>
+        <Button
+          look="edge"
+          words={going ? COMMON.cancel : TEXT.removeFromList}
+          onClick={() => void run(app, recordingsApi.cancelExport(job.id))}
+        />
       )}
       {going && <progress value={job.progress} max={1} aria-label={`${job.title}: ${words}`} />}
       {job.message !== "" && (

@@ -2,6 +2,7 @@
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { length } from "../../recordings/library-filter";
 import { recordingsApi } from "../../recordings/api";
+import { Button } from "../../ui/button";
 import { IconButton } from "../../ui/icon-button";
 import { run } from "../app-state";
 import type { OpenRecording } from "./open-recording";
@@ -77,9 +78,7 @@ export function MarkerField({ recording }: { readonly recording: OpenRecording }
         <span class="visually-hidden">{TEXT.markerAt(at)}</span>
         <input ref={field} maxLength={2000} placeholder={TEXT.markerAt(at)} />
       </label>
-      <button type="submit" class="btn main">
-        {COMMON.save}
-      </button>
+      <Button type="submit" look="main" words={COMMON.save} />
       <IconButton icon="close" label={TEXT.discardMarker} onClick={() => (placing.value = undefined)} />
     </form>
   );

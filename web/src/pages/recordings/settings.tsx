@@ -5,8 +5,8 @@ import { dateWords, recordingTitle } from "../../recordings/library-filter";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { recordingsApi as recordings } from "../../recordings/api";
 import type { RecordedSettings } from "../../recordings/types";
+import { Button } from "../../ui/button";
 import { Dialog } from "../../ui/dialog";
-import { Icon } from "../../ui/icons";
 import { Hint } from "../../ui/card";
 import type { DeviceInfo } from "../../wire/types";
 import { type App, run } from "../app-state";
@@ -70,10 +70,13 @@ export function SettingsLine({ recording }: { readonly recording: OpenRecording 
   return (
     <div class="apply-as-settings">
       <span>{COMMON.settings}</span>
-      <button type="button" class="btn edge" title={TEXT.asRecordedHint} onClick={() => (showsSettings.value = true)}>
-        <Icon name="sliders" />
-        {TEXT.asRecorded}
-      </button>
+      <Button
+        look="edge"
+        icon="sliders"
+        words={TEXT.asRecorded}
+        title={TEXT.asRecordedHint}
+        onClick={() => (showsSettings.value = true)}
+      />
     </div>
   );
 }
@@ -114,10 +117,9 @@ export function SettingsDialog({ recording }: { readonly recording: OpenRecordin
             .join(" · ")}
         </p>
         {present ? (
-          <button type="button" class="btn main" title={TEXT.compareHint} onClick={() => void compare(present)}>
-            <Icon name="sliders" />
+          <Button look="main" icon="sliders" title={TEXT.compareHint} onClick={() => void compare(present)}>
             <span class="ellipsis">{TEXT.compareWithNow(present.name)}</span>
-          </button>
+          </Button>
         ) : (
           <p class="hint">{TEXT.compareUnavailable}</p>
         )}

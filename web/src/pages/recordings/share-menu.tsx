@@ -3,6 +3,7 @@ import type { ReplayController } from "../../recordings/replay-controller";
 import { Slot } from "../../extension";
 import { recordingsApi } from "../../recordings/api";
 import type { PlayRequest } from "../../recordings/types";
+import { Button } from "../../ui/button";
 import { copyText } from "../../ui/copy";
 import { Icon } from "../../ui/icons";
 import { type App, run, select } from "../app-state";
@@ -50,13 +51,17 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
   };
   return (
     <div class="hand-over" role="group" aria-label={TEXT.share}>
-      <button type="button" class="btn main" title={TEXT.copyLinkToView} onClick={() => void copyLink(recording)}>
-        <Icon name="share" />
-        {COMMON.copyLink}
-      </button>
-      <button
-        type="button"
-        class="btn edge"
+      <Button
+        look="main"
+        icon="share"
+        words={COMMON.copyLink}
+        title={TEXT.copyLinkToView}
+        onClick={() => void copyLink(recording)}
+      />
+      <Button
+        look="edge"
+        icon="upload"
+        words={TEXT.export}
         onClick={() =>
           (exportingOf(app).value = {
             info,
@@ -66,19 +71,13 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
             base: replay.viewState.view.peek().timeBase,
           })
         }
-      >
-        <Icon name="upload" />
-        {TEXT.export}
-      </button>
+      />
       <Slot name="recordingActions" with={{ recording }} />
       <a class="btn edge" href={recordingsApi.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
         <Icon name="download" />
         {COMMON.download}
       </a>
-      <button type="button" class="btn edge" title={TEXT.playLiveHint} onClick={play}>
-        <Icon name="wave" />
-        {TEXT.asDevice}
-      </button>
+      <Button look="edge" icon="wave" words={TEXT.asDevice} title={TEXT.playLiveHint} onClick={play} />
     </div>
   );
 }

@@ -2,10 +2,11 @@
 import { length } from "../../recordings/library-filter";
 import { SPEEDS } from "../../recordings/playback";
 import type { ReplayController } from "../../recordings/replay-controller";
+import { Button } from "../../ui/button";
 import { Select } from "../../ui/choices";
 import { LiveText, type Panel } from "../../ui/dom";
 import { number } from "../../ui/format";
-import { Icon, type IconName } from "../../ui/icons";
+import { IconButton } from "../../ui/icon-button";
 import { ZOOM_STEP } from "../../ui/keys";
 import { PanelHost } from "../../ui/panel-host";
 import type { OpenRecording } from "./open-recording";
@@ -26,68 +27,61 @@ export function Transport({ recording }: { readonly recording: OpenRecording }) 
   };
   return (
     <div class="transport" role="region" aria-label={TEXT.playback}>
-      <Button icon="first" label={TEXT.toStart} class="desk" act={() => replay.seek(first)} />
-      <Button icon="stepBack" label={COMMON.backOneSample} act={() => step(-1)} />
-      <button
-        type="button"
-        class="btn main icon play"
-        aria-label={playing ? COMMON.pause : TEXT.play}
+      <IconButton icon="first" label={TEXT.toStart} class="desk" onClick={() => replay.seek(first)} />
+      <IconButton icon="stepBack" label={COMMON.backOneSample} onClick={() => step(-1)} />
+      <IconButton
+        class="main play"
+        icon={playing ? "pause" : "play"}
+        label={playing ? COMMON.pause : TEXT.play}
         title={TEXT.withSpaceKey(playing ? COMMON.pause : TEXT.play)}
         onClick={() => replay.toggle()}
-      >
-        <Icon name={playing ? "pause" : "play"} />
-      </button>
-      <Button icon="stepForward" label={COMMON.forwardOneSample} act={() => step(1)} />
+      />
+      <IconButton icon="stepForward" label={COMMON.forwardOneSample} onClick={() => step(1)} />
       <PanelHost class="now" role="group" label={TEXT.playhead} mount={(host) => mountClock(host, replay)} />
-      <button
-        type="button"
-        class={`btn loop ${loop ? "on" : ""}`}
+      <Button
+        look={`loop ${loop ? "on" : ""}`}
+        icon="loop"
         aria-pressed={loop !== undefined}
         aria-label={TEXT.loopView}
         title={TEXT.loopViewHint}
         onClick={() => replay.toggleLoop()}
       >
-        <Icon name="loop" />
         <span class="desk">
           {loop ? TEXT.rangeOfLoop(length(loop[0] - first, 1), length(loop[1] - first, 1)) : TEXT.loop}
         </span>
-      </button>
-      <button
-        type="button"
-        class="btn"
+      </Button>
+      <Button
+        icon="flag"
         aria-label={COMMON.marker}
         title={TEXT.addMarkerHereHint}
         onClick={() => beginMarker(recording)}
       >
-        <Icon name="flag" />
         <span class="wide">{COMMON.marker}</span>
-      </button>
-      <button
-        type="button"
-        class="btn desk follow"
+      </Button>
+      <Button
+        look="desk follow"
+        words={TEXT.follow}
         aria-pressed={replay.follow.value}
         title={TEXT.followHint}
         onClick={() => (replay.follow.value = !replay.follow.value)}
-      >
-        {TEXT.follow}
-      </button>
+      />
       <span class="grow" />
       <span role="status" class={said.value ? "tag yours" : "visually-hidden"}>
         {said.value}
       </span>
-      <Button
+      <IconButton
         icon="minus"
         label={COMMON.zoomOut(number(ZOOM_STEP, 1))}
         class="desk wide"
-        act={() => zoomAtHead(replay, ZOOM_STEP)}
+        onClick={() => zoomAtHead(replay, ZOOM_STEP)}
       />
-      <Button
+      <IconButton
         icon="plus"
         label={COMMON.zoomIn(number(ZOOM_STEP, 1))}
         class="desk wide"
-        act={() => zoomAtHead(replay, 1 / ZOOM_STEP)}
+        onClick={() => zoomAtHead(replay, 1 / ZOOM_STEP)}
       />
-      <Button icon="fit" label={TEXT.fitAll} class="desk" act={() => actions.fit()} />
+      <IconButton icon="fit" label={TEXT.fitAll} class="desk" onClick={() => actions.fit()} />
       <Select
         title={TEXT.speedHint}
         class="speed"
@@ -96,41 +90,22 @@ export function Transport({ recording }: { readonly recording: OpenRecording }) 
         options={SPEEDS.map((speed) => [speed, `${speed}×`])}
         onChoose={(speed) => (replay.speed.value = speed)}
       />
-      <button
-        type="button"
-        class="btn desk"
+      <Button
+        look="desk"
+        words={timeBase.value === "device" ? COMMON.deviceTime : COMMON.arrivalTime}
         aria-label={TEXT.timeAxisOf(timeBase.value)}
         title={TEXT.deviceTimeOrArrivalTimeT}
         onClick={() => actions.toggleTimeBase()}
-      >
-        {timeBase.value === "device" ? COMMON.deviceTime : COMMON.arrivalTime}
-      </button>
-      <button
-        type="button"
-        class="btn edge only-narrow phone-shown"
+      />
+      <Button
+        look="edge only-narrow phone-shown"
+        icon="share"
         aria-label={TEXT.moreActions}
         title={TEXT.moreActions}
         onClick={() => (app.sheet.value = "rail")}
-      >
-        <Icon name="share" />
-      </button>
+      />
       <MarkerField recording={recording} />
     </div>
-  );
-}
-
-interface ButtonProps {
-  readonly icon: IconName;
-  readonly label: string;
-  readonly class?: string;
-  readonly act: () => void;
-}
-
-function Button({ icon, label, class: name = "", act }: ButtonProps) {
-  return (
-    <button type="button" class={`btn icon ${name}`} aria-label={label} title={label} onClick={act}>
-      <Icon name={icon} />
-    </button>
   );
 }
 

@@ -1,5 +1,6 @@
 /** What is compared, and how both are aligned. */
 import { useSignal } from "@preact/signals";
+import { Button } from "../../../ui/button";
 import { Select } from "../../../ui/choices";
 import { IconButton } from "../../../ui/icon-button";
 import { Icon } from "../../../ui/icons";
@@ -27,15 +28,10 @@ export function Controls({ model, wanted, correlate }: Props) {
   return (
     <>
       {isPhone && (
-        <button
-          type="button"
-          class="btn edge compare-fold"
-          aria-expanded={isOpen.value}
-          onClick={() => (isOpen.value = !isOpen.value)}
-        >
+        <Button look="edge compare-fold" aria-expanded={isOpen.value} onClick={() => (isOpen.value = !isOpen.value)}>
           <span class="ellipsis">{TEXT.sidesOf(names[0] ?? "", names[1] ?? "", wanted.signal)}</span>
           <Icon name="down" />
-        </button>
+        </Button>
       )}
       {(!isPhone || isOpen.value) && <Choices model={model} wanted={wanted} correlate={correlate} />}
     </>
@@ -252,10 +248,13 @@ function Alignment({ model, wanted, correlate }: Props) {
           {TEXT.byEvents}
         </button>
       </div>
-      <button type="button" class="btn main" disabled={busy.value === "correlating"} onClick={correlate}>
-        <Icon name="wand" />
-        {busy.value === "correlating" ? TEXT.correlating : TEXT.byCorrelation}
-      </button>
+      <Button
+        look="main"
+        icon="wand"
+        words={busy.value === "correlating" ? TEXT.correlating : TEXT.byCorrelation}
+        disabled={busy.value === "correlating"}
+        onClick={correlate}
+      />
       <label class="analysis-option compare-offset" title={TEXT.offsetHint}>
         <span>{TEXT.offset} (s)</span>
         <span class="field">

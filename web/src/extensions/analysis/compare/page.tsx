@@ -7,8 +7,8 @@ import type { App } from "../../../pages/app-state";
 import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
 import { PageOverlays } from "../../../pages/recordings/overlays";
 import { route } from "../../../pages/route";
+import { Button } from "../../../ui/button";
 import { copyText } from "../../../ui/copy";
-import { Icon } from "../../../ui/icons";
 import { Message } from "../../../ui/message";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { ComparedSignal, ComparisonAnswer } from "../../../wire/routes";
@@ -134,10 +134,7 @@ function Status({ model: { aligned, place, ready } }: { readonly model: CompareM
       </span>
       <span class="grow" />
       <span role="status">{said.value}</span>
-      <button type="button" class="btn edge" onClick={() => void copy()}>
-        <Icon name="share" />
-        {TEXT.copyLink}
-      </button>
+      <Button look="edge" icon="share" words={TEXT.copyLink} onClick={() => void copy()} />
     </div>
   );
 }

@@ -5,6 +5,7 @@ import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
 import { go, route } from "../../../pages/route";
 import { TopBar } from "../../../pages/top-bar";
 import { placeHref } from "../../../recordings/permalink";
+import { Button } from "../../../ui/button";
 import { type ChoiceOption, OptionList, Segmented } from "../../../ui/choices";
 import { copyText } from "../../../ui/copy";
 import { Help } from "../../../ui/help";
@@ -126,43 +127,37 @@ function Actions({ app, state }: { readonly app: App; readonly state: Questions 
   return (
     <div class="query-actions">
       {now ? (
-        <button
-          type="button"
-          class="btn edge"
+        <Button
+          look="edge"
+          icon="close"
+          words={TEXT.cancel}
           title={TEXT.cancelHint}
           onClick={() => {
             state.cancel();
             notice.value = TEXT.cancelled;
           }}
-        >
-          <Icon name="close" />
-          {TEXT.cancel}
-        </button>
+        />
       ) : (
-        <button
-          type="button"
-          class="btn main"
+        <Button
+          look="main"
+          icon="play"
+          words={TEXT.ask}
           title={TEXT.askHint}
           disabled={sql.value.trim() === ""}
           onClick={() => void state.run()}
-        >
-          <Icon name="play" />
-          {TEXT.ask}
-        </button>
+        />
       )}
-      <button
-        type="button"
-        class="btn edge"
+      <Button
+        look="edge"
+        icon="share"
+        words={TEXT.copyLink}
         title={TEXT.copyLinkHint}
         disabled={sql.value.trim() === ""}
         onClick={() => {
           const link = new URL(questionLink(sql.peek().trim()), location.href).href;
           void copyText(link).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
         }}
-      >
-        <Icon name="share" />
-        {TEXT.copyLink}
-      </button>
+      />
       <p class="question-status" role="status">
         {status}
       </p>
@@ -190,16 +185,14 @@ function Start({ state }: { readonly state: Questions }) {
       <ul>
         {state.prepared.value.map(({ name, title, sql }) => (
           <li key={name}>
-            <button
-              type="button"
-              class="btn edge"
+            <Button
+              look="edge"
+              words={title.charAt(0).toUpperCase() + title.slice(1)}
               onClick={() => {
                 state.sql.value = sql;
                 void state.run();
               }}
-            >
-              {title.charAt(0).toUpperCase() + title.slice(1)}
-            </button>
+            />
           </li>
         ))}
       </ul>
@@ -230,9 +223,7 @@ function Answer({ app, state, answer }: AnswerProps) {
           onChoose={(one) => (view.value = one)}
         />
         <span class="grow" />
-        <button type="button" class="btn edge" onClick={copy}>
-          {TEXT.copy}
-        </button>
+        <Button look="edge" words={TEXT.copy} onClick={copy} />
         <Menu
           title={TEXT.download}
           options={FORMATS.map((one) => [one, TEXT.formats[one]])}

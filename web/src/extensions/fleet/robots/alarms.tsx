@@ -1,5 +1,6 @@
 /** Raised alarms of a robot: its own, and those of the fleet server, which are acknowledged here. */
 import { useSignal } from "@preact/signals";
+import { Button } from "../../../ui/button";
 import { type HttpProblem, request } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { RobotAlarm, RobotSummary } from "../../../wire/routes";
@@ -54,9 +55,7 @@ function Row({ alarm: { name, level, state, device, condition, acknowledged_by: 
         {name} <span class="dim">{of && TEXT.alarmOf(of.name || of.product)}</span>
       </span>
       {condition !== "" && state === "raised" ? (
-        <button type="button" class="btn small edge" onClick={ask} aria-label={TEXT.acknowledgeAlarm(name)}>
-          {TEXT.acknowledge}
-        </button>
+        <Button look="small edge" words={TEXT.acknowledge} onClick={ask} aria-label={TEXT.acknowledgeAlarm(name)} />
       ) : (
         <span class="mid">{by === "" ? TEXT.alarmState(state) : TEXT.acknowledgedBy(by)}</span>
       )}

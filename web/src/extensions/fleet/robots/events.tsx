@@ -1,6 +1,7 @@
 /** What happened on one robot, asked for when it is opened, and removing a robot that is lost. */
 import { useSignal } from "@preact/signals";
 import { dayWords } from "../../../recordings/library-filter";
+import { Button } from "../../../ui/button";
 import { clock } from "../../../ui/format";
 import { type HttpProblem, request } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
@@ -51,9 +52,7 @@ export function RemoveRobot({ name, fleet }: { readonly name: string; readonly f
   return (
     <>
       <p class="dim">{TEXT.removeHint}</p>
-      <button type="button" class="btn edge" onClick={() => void remove()}>
-        {TEXT.remove}
-      </button>
+      <Button look="edge" words={TEXT.remove} onClick={() => void remove()} />
       {problem.value && <ProblemNote problem={problem.value} />}
     </>
   );

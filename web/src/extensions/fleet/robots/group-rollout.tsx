@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { RobotSummary, RolloutHead } from "../../../wire/routes";
+import { Button } from "../../../ui/button";
 import { request } from "../../../ui/http";
 import { TEXT } from "./rollout-texts";
 
@@ -42,14 +43,12 @@ export function GroupRollout({ robot, device, open, isShown }: Props) {
   const found = last.value;
   return (
     <div class="fleet-profile">
-      <button type="button" class="btn edge" onClick={() => open(undefined)}>
-        {TEXT.open}
-      </button>
+      <Button look="edge" words={TEXT.open} onClick={() => open(undefined)} />
       {found && (
-        <button type="button" class="btn" title={TEXT.show} onClick={() => open(found.id)}>
+        <Button title={TEXT.show} onClick={() => open(found.id)}>
           <span class={`dot ${found.state === "failed" || found.state === "interrupted" ? "bad" : "off"}`} />{" "}
           {TEXT.last(found.id, found.by, TEXT.states[found.state].toLowerCase())}
-        </button>
+        </Button>
       )}
     </div>
   );

@@ -4,12 +4,12 @@ import { useEffect, useLayoutEffect } from "preact/hooks";
 import type { App } from "../../../pages/app-state";
 import { ProblemBand } from "../../../pages/empty-states";
 import { TopBar } from "../../../pages/top-bar";
+import { Button } from "../../../ui/button";
 import { Band } from "../../../ui/band";
 import { Card } from "../../../ui/card";
 import { copyText } from "../../../ui/copy";
 import { age } from "../../../ui/format";
 import { Help } from "../../../ui/help";
-import { Icon } from "../../../ui/icons";
 import { Message } from "../../../ui/message";
 import { RobotDetails } from "./details";
 import { type Fleet, fleetOf } from "./fleet-state";
@@ -76,9 +76,7 @@ function CutBand({ app, fleet }: { readonly app: App; readonly fleet: Fleet }) {
   const words = `${TEXT.cutHint(old.value, old.unit)} ${problem ? `${problem.message} ${problem.hint}` : ""}`;
   return (
     <Band dot="bad" title={fleet.isRefused ? TEXT.refused : TEXT.cut} words={<Message text={words} />}>
-      <button type="button" class="btn edge" onClick={() => fleet.retry()}>
-        {TEXT.retry}
-      </button>
+      <Button look="edge" words={TEXT.retry} onClick={() => fleet.retry()} />
     </Band>
   );
 }
@@ -95,9 +93,7 @@ function Waiting({ fleet }: { readonly fleet: Fleet }) {
     >
       {problem && (
         <div class="row">
-          <button type="button" class="btn main" onClick={() => fleet.retry()}>
-            {TEXT.retry}
-          </button>
+          <Button look="main" words={TEXT.retry} onClick={() => fleet.retry()} />
         </div>
       )}
     </Card>
@@ -122,10 +118,7 @@ function NoRobot() {
       </p>
       <p>{isHere ? TEXT.addressHint : TEXT.accessHint}</p>
       <div class="row">
-        <button type="button" class="btn main" onClick={() => void copy()}>
-          <Icon name="share" />
-          {TEXT.copyCommand}
-        </button>
+        <Button look="main" icon="share" words={TEXT.copyCommand} onClick={() => void copy()} />
         <span class="mid" role="status">
           {said.value}
         </span>
@@ -139,9 +132,7 @@ function NoMatch({ fleet }: { readonly fleet: Fleet }) {
   return (
     <Card title={TEXT.noMatch} message={TEXT.noMatchHint}>
       <div class="row">
-        <button type="button" class="btn main" onClick={showAll}>
-          {TEXT.showAll}
-        </button>
+        <Button look="main" words={TEXT.showAll} onClick={showAll} />
       </div>
     </Card>
   );

@@ -1,4 +1,5 @@
 /** Asks for the name of the person before something is done: it is logged with it. */
+import { Button } from "../../../ui/button";
 import { storedName, storeName } from "../../../ui/person-name";
 import { COMMON } from "../../../texts/common";
 import { TEXT } from "./texts";
@@ -34,12 +35,8 @@ export function PersonForm({ title, hint = "", send, cancel }: Props) {
         defaultValue={storedName()}
         ref={(input) => input?.focus()}
       />
-      <button type="submit" class="btn edge">
-        {title}
-      </button>
-      <button type="button" class="btn" onClick={cancel}>
-        {COMMON.cancel}
-      </button>
+      <Button type="submit" look="edge" words={title} />
+      <Button words={COMMON.cancel} onClick={cancel} />
     </form>
   );
 }

@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
+import { Button } from "../../../ui/button";
 import { type HttpProblem, request } from "../../../ui/http";
 import { Message } from "../../../ui/message";
 import { storedName, storeName } from "../../../ui/person-name";
@@ -132,9 +133,7 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
       {problem.value && <ProblemNote problem={problem.value} />}
       {n > 0 && (
         <div class="ends">
-          <button type="submit" class="btn main" disabled={isBusy.value}>
-            {TEXT.start(n)}
-          </button>
+          <Button type="submit" look="main" words={TEXT.start(n)} disabled={isBusy.value} />
         </div>
       )}
     </form>

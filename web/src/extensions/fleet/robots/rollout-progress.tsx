@@ -1,5 +1,6 @@
 /** A rollout: how far it is, what became of each device, and a button that stops it. */
 import { useSignal } from "@preact/signals";
+import { Button } from "../../../ui/button";
 import { request } from "../../../ui/http";
 import { Message } from "../../../ui/message";
 import { storedName } from "../../../ui/person-name";
@@ -61,9 +62,7 @@ export function RolloutProgress({ id }: { readonly id: number }) {
       {isRunning && !isNaming.value && (
         <div class="rollout-stop">
           {found.stopped_by === "" ? (
-            <button type="button" class="btn edge" title={TEXT.stopHint} onClick={askToStop}>
-              {TEXT.stop}
-            </button>
+            <Button look="edge" words={TEXT.stop} title={TEXT.stopHint} onClick={askToStop} />
           ) : (
             <span class="mid">{TEXT.stopping}</span>
           )}

@@ -1,5 +1,6 @@
 /** One line of the list. A row is drawn again only if what it shows has changed. */
 import { Component, type JSX } from "preact";
+import { Button } from "../../../ui/button";
 import { age } from "../../../ui/format";
 import { Icon } from "../../../ui/icons";
 import { type RobotCell, cellOf, COLUMNS, type RobotColumn, deviceCell, stateWord } from "./columns";
@@ -149,9 +150,8 @@ export class RobotRow extends Component<RowProps> {
       <span key="device" role="gridcell" data-column="device">
         <DeviceName device={robot.device} />
         {more > 0 && (
-          <button
-            type="button"
-            class="btn small more-devices"
+          <Button
+            look="small more-devices"
             tabIndex={-1}
             aria-expanded={isExpanded}
             aria-label={isExpanded ? TEXT.hideDevices(devices.length, name) : TEXT.showDevices(devices.length, name)}
@@ -162,7 +162,7 @@ export class RobotRow extends Component<RowProps> {
           >
             {TEXT.moreDevices(more)}
             <Icon name={isExpanded ? "up" : "down"} />
-          </button>
+          </Button>
         )}
       </span>
     );

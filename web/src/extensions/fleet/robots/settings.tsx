@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
+import { Button } from "../../../ui/button";
 import { type Outcome, type HttpProblem, request } from "../../../ui/http";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { DeviceSettingsCheck, RobotSummary } from "../../../wire/routes";
@@ -141,16 +142,8 @@ function Profile({ check: { device, profile, read }, robot, send }: ProfileProps
   if (asking.value === undefined) {
     return (
       <div class="fleet-profile">
-        {read !== null && (
-          <button type="button" class="btn edge" onClick={() => (asking.value = "use")}>
-            {TEXT.useProfile}
-          </button>
-        )}
-        {profile && (
-          <button type="button" class="btn" onClick={() => (asking.value = "remove")}>
-            {TEXT.removeProfile}
-          </button>
-        )}
+        {read !== null && <Button look="edge" words={TEXT.useProfile} onClick={() => (asking.value = "use")} />}
+        {profile && <Button words={TEXT.removeProfile} onClick={() => (asking.value = "remove")} />}
       </div>
     );
   }
