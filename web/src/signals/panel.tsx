@@ -10,8 +10,9 @@ import { Slot } from "../extension";
 import { type Deps, reading } from "../panels/panel-context";
 import { protocolAmong } from "../wire/capabilities";
 import { type PlotSpec, usualPlots } from "../plots/plot-selection";
+import { Button } from "../ui/button";
 import { IconButton } from "../ui/icon-button";
-import { Icon } from "../ui/icons";
+import { SearchField } from "../ui/search-field";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/signals";
 import {
@@ -108,21 +109,18 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
         <Slot name="signalsHead" with={{ deps, isLive, onSaid }} />
         <IconButton icon="close" label={COMMON.close} title={COMMON.closeEsc} onClick={onClose} />
       </div>
-      <label class="field signal-search">
-        <Icon name="search" />
-        <input
-          type="search"
-          aria-label={TEXT.search}
-          placeholder={TEXT.searchHint}
-          value={search.value}
-          onInput={(event) => (search.value = event.currentTarget.value)}
-          onKeyDown={(event) => {
-            if (event.key !== "ArrowDown") return;
-            event.preventDefault();
-            focusRow(root.current, 0);
-          }}
-        />
-      </label>
+      <SearchField
+        class="signal-search"
+        label={TEXT.search}
+        placeholder={TEXT.searchHint}
+        value={search.value}
+        onText={(text) => (search.value = text)}
+        onKeyDown={(event) => {
+          if (event.key !== "ArrowDown") return;
+          event.preventDefault();
+          focusRow(root.current, 0);
+        }}
+      />
       <Tree
         rows={rows.value}
         current={current}
@@ -231,24 +229,20 @@ function Targets({ row, plots, custom, device, onPut, onTakeOff, children }: Tar
   return (
     <div class="signal-targets" role="group" aria-label={TEXT.choose(nameOf(row))}>
       <span>{TEXT.choose(nameOf(row))}</span>
-      <button type="button" class="btn edge" onClick={() => onPut(row, undefined)}>
-        <Icon name="plus" />
-        {TEXT.newPlot}
-      </button>
+      <Button look="edge" icon="plus" words={TEXT.newPlot} onClick={() => onPut(row, undefined)} />
       {plots.map((plot) => {
         const held = heldOf(custom, targetOf(plot, device), refs).length === refs.length;
         const fits = misfit(unitsOf(row), plot) === undefined;
         return (
-          <button
-            type="button"
+          <Button
             key={plot.key}
-            class="btn edge"
+            look="edge"
             aria-pressed={held}
             aria-disabled={!fits}
             onClick={() => (held ? onTakeOff(row, plot) : onPut(row, plot))}
           >
             <span class="ellipsis">{plot.title}</span>
-          </button>
+          </Button>
         );
       })}
       {children}

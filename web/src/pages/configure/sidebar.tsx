@@ -1,6 +1,5 @@
 /** The left side: device, search, groups with their edits, and restorable states. */
 import { fromExtensions } from "../../extension";
-import { useLayoutEffect, useRef } from "preact/hooks";
 import { search } from "../../forms/search";
 import { dayWords } from "../../recordings/library-filter";
 import type { SnapshotInfo } from "../../forms/types";
@@ -8,6 +7,7 @@ import { OptionList } from "../../ui/choices";
 import { clock } from "../../ui/format";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
+import { SearchField } from "../../ui/search-field";
 import { markOf } from "../../ui/page-state";
 import { type App, select } from "../app-state";
 import { go, route } from "../route";
@@ -36,7 +36,7 @@ export function ConfigureRail({ app, model }: { readonly app: App; readonly mode
       <DevicePicker app={app} />
       {model?.forms.value && (
         <>
-          <SearchField model={model} sheet={sheet} />
+          <SettingSearch model={model} sheet={sheet} />
           {model.page.query.value.trim() ? (
             <Results model={model} close={close} />
           ) : (
@@ -73,29 +73,13 @@ function DevicePicker({ app }: { readonly app: App }) {
   );
 }
 
-function SearchField({ model, sheet }: { readonly model: Model; readonly sheet: App["sheet"] }) {
+function SettingSearch({ model, sheet }: { readonly model: Model; readonly sheet: App["sheet"] }) {
   const { query } = model.page;
-  const field = useRef<HTMLInputElement>(null);
   const forms = model.forms.value;
   const count = (forms?.settings.length ?? 0) + (forms?.commands.length ?? 0);
-  useLayoutEffect(() => {
-    const onKey = (event: KeyboardEvent): void => {
-      const target = event.target instanceof HTMLElement ? event.target : document.body;
-      if (
-        event.key !== "/" ||
-        event.ctrlKey ||
-        event.metaKey ||
-        event.altKey ||
-        /^(INPUT|TEXTAREA|SELECT)$/.test(target.tagName)
-      )
-        return;
-      event.preventDefault();
-      if (matchMedia("(max-width: 1119px)").matches) sheet.value = "rail";
-      requestAnimationFrame(() => field.current?.focus());
-    };
-    addEventListener("keydown", onKey);
-    return () => removeEventListener("keydown", onKey);
-  }, [sheet]);
+  const unfold = (): void => {
+    if (matchMedia("(max-width: 1119px)").matches) sheet.value = "rail";
+  };
   const onKey = (event: KeyboardEvent): void => {
     const [first] = search(model.index.value, query.value);
     if (event.key === "Enter" && first) {
@@ -104,25 +88,19 @@ function SearchField({ model, sheet }: { readonly model: Model; readonly sheet: 
     }
     if (event.key !== "Escape") return;
     query.value = "";
-    field.current?.blur();
+    if (document.activeElement instanceof HTMLElement) document.activeElement.blur();
   };
   return (
     <div class="rail-padding">
-      <label class="field search-field">
-        <Icon name="search" />
-        <span class="visually-hidden">{TEXT.searchSettingsAndCommands}</span>
-        <input
-          ref={field}
-          type="search"
-          placeholder={TEXT.searchSettings(count)}
-          value={query.value}
-          autocomplete="off"
-          spellcheck={false}
-          onInput={(event) => (query.value = event.currentTarget.value)}
-          onKeyDown={onKey}
-        />
-        <kbd class="desk">/</kbd>
-      </label>
+      <SearchField
+        label={TEXT.searchSettingsAndCommands}
+        placeholder={TEXT.searchSettings(count)}
+        value={query.value}
+        onText={(text) => (query.value = text)}
+        onKeyDown={onKey}
+        hasKey
+        unfold={unfold}
+      />
     </div>
   );
 }

@@ -13,9 +13,11 @@ import {
   recordingTitle,
 } from "../../recordings/library-filter";
 import type { RecordingInfo } from "../../recordings/types";
+import { Button } from "../../ui/button";
 import { Card } from "../../ui/card";
 import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
+import { SearchField } from "../../ui/search-field";
 import { Message } from "../../ui/message";
 import type { App } from "../app-state";
 import { Slot } from "../../extension";
@@ -152,18 +154,7 @@ function Filter({ title, n, on, set }: FilterProps) {
 
 function Tools({ app }: { readonly app: App }) {
   const library = libraryOf(app);
-  const field = useRef<HTMLInputElement>(null);
   const files = useRef<HTMLInputElement>(null);
-  useEffect(() => {
-    const onKey = (event: KeyboardEvent): void => {
-      const typing = event.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName);
-      if (event.key !== "/" || typing || event.ctrlKey || event.metaKey) return;
-      event.preventDefault();
-      field.current?.focus();
-    };
-    addEventListener("keydown", onKey);
-    return () => removeEventListener("keydown", onKey);
-  }, []);
   const list = library.shown.value;
   const seconds = list.reduce((sum, { duration }) => sum + (duration ?? 0), 0);
   const take = (): void => {
@@ -172,42 +163,29 @@ function Tools({ app }: { readonly app: App }) {
   };
   return (
     <div class="tools">
-      <label class="field">
-        <span class="visually-hidden">{TEXT.search}</span>
-        <Icon name="search" />
-        <input
-          ref={field}
-          type="search"
-          placeholder={TEXT.nameNoteTagDeviceDate}
-          value={library.choice.value.query}
-          onInput={(event) => library.choose({ query: event.currentTarget.value })}
-        />
-        <kbd class="desk">/</kbd>
-      </label>
-      <button
-        type="button"
-        class="btn edge icon phone"
-        aria-label={TEXT.filters}
-        onClick={() => (app.sheet.value = "rail")}
-      >
-        <Icon name="list" />
-      </button>
+      <SearchField
+        label={TEXT.search}
+        placeholder={TEXT.nameNoteTagDeviceDate}
+        value={library.choice.value.query}
+        onText={(query) => library.choose({ query })}
+        hasKey
+      />
+      <Button look="edge icon phone" icon="list" aria-label={TEXT.filters} onClick={() => (app.sheet.value = "rail")} />
       <span class="grow desk" />
       <span class="dim desk total">
         {library.all.value !== undefined && TEXT.recordingCount(list.length)}
         {seconds > 0 && ` · ${length(seconds)}`} {TEXT.newestFirst}
       </span>
       <input ref={files} type="file" multiple hidden onChange={take} aria-label={TEXT.filesToAdd} />
-      <button
-        type="button"
-        class="btn edge"
+      <Button
+        look="edge"
+        icon="upload"
         aria-label={TEXT.addFiles}
         title={TEXT.addFilesHint}
         onClick={() => files.current?.click()}
       >
-        <Icon name="upload" />
         <span class="desk">{TEXT.addFiles}</span>
-      </button>
+      </Button>
     </div>
   );
 }
@@ -247,10 +225,7 @@ function Gone({ library }: { readonly library: Library }) {
       <b class="ellipsis">{TEXT.recordingDeleted(recordingTitle(deleted))}</b>
       <span class="mid">{TEXT.restorableFor7Days}</span>
       <span class="grow" />
-      <button type="button" class="btn edge" onClick={() => void library.undelete(deleted.id)}>
-        <Icon name="undo" />
-        {TEXT.undo}
-      </button>
+      <Button look="edge" icon="undo" words={TEXT.undo} onClick={() => void library.undelete(deleted.id)} />
       <IconButton icon="close" label={COMMON.close} onClick={() => (gone.value = undefined)} />
     </div>
   );

@@ -1,9 +1,10 @@
 /** Above the robots: how many there are in each condition, and search, grouping and order. */
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect } from "preact/hooks";
+import { Button } from "../../../ui/button";
 import { Segmented, Select } from "../../../ui/choices";
 import { number } from "../../../ui/format";
 import { IconButton } from "../../../ui/icon-button";
-import { Icon } from "../../../ui/icons";
+import { SearchField } from "../../../ui/search-field";
 import { COLUMNS, columnNamed } from "./columns";
 import { CONDITIONS } from "./conditions";
 import type { Fleet } from "./fleet-state";
@@ -47,14 +48,12 @@ export function Summary({ fleet }: Props) {
 }
 
 export function Tools({ fleet }: Props) {
-  const field = useRef<HTMLInputElement>(null);
   useEffect(() => {
     const onKey = (event: KeyboardEvent): void => {
       const typing = event.target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName);
       if (typing || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-      if (event.key === "/") field.current?.focus();
-      else if (event.key.toLowerCase() === "s") fleet.sortNow();
-      else return;
+      if (event.key.toLowerCase() !== "s") return;
+      fleet.sortNow();
       event.preventDefault();
     };
     addEventListener("keydown", onKey);
@@ -65,18 +64,13 @@ export function Tools({ fleet }: Props) {
   const isLate = fleet.isOutOfOrder.value;
   return (
     <div class="tools fleet-tools">
-      <label class="field">
-        <span class="visually-hidden">{TEXT.search}</span>
-        <Icon name="search" />
-        <input
-          ref={field}
-          type="search"
-          placeholder={TEXT.searchHint}
-          value={place.query}
-          onInput={(event) => fleet.choose({ query: event.currentTarget.value })}
-        />
-        <kbd class="desk">/</kbd>
-      </label>
+      <SearchField
+        label={TEXT.search}
+        placeholder={TEXT.searchHint}
+        value={place.query}
+        onText={(query) => fleet.choose({ query })}
+        hasKey
+      />
       <Select
         words={TEXT.grouping}
         label={TEXT.grouping}
@@ -110,15 +104,13 @@ export function Tools({ fleet }: Props) {
       />
       <span class="grow" />
       <span class="dim total desk">{TEXT.robotCount(listed)}</span>
-      <button
-        type="button"
-        class={`btn edge sort-now ${place.view === "map" ? "of-list" : ""}`}
+      <Button
+        look={`edge sort-now ${place.view === "map" ? "of-list" : ""}`}
+        words={TEXT.sortNow}
         disabled={!isLate}
         title={isLate ? TEXT.sortNowHint : TEXT.inOrder}
         onClick={() => fleet.sortNow()}
-      >
-        {TEXT.sortNow}
-      </button>
+      />
     </div>
   );
 }
