@@ -22,12 +22,8 @@ BY_HTTP = {"not-allowed", "no-view"}
 """Kinds that are put into an error by what was called, not by who calls (api/errors.py, integrations/proxy.py)."""
 
 
-def shown(said: ErrorText) -> str:
-    return f"{said.where} {said.sort} [{said.kind}] {said.message!r} → {said.hint!r}"
-
-
 def listed(wrong: list[ErrorText]) -> str:
-    return "\n".join(shown(said) for said in wrong)
+    return "\n".join(f"{one.where} {one.sort} [{one.kind}] {one.message!r} → {one.hint!r}" for one in wrong)
 
 
 def test_the_error_list_is_complete() -> None:

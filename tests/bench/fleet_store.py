@@ -27,7 +27,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -80,13 +80,10 @@ def synthetic(folder: Path, recordings: int) -> None:
         place.mkdir(parents=True)
         for first in range(0, DAYS, MONTH):
             days = range(first, min(DAYS, first + MONTH))
-            reader = pa.RecordBatchReader.from_batches(table.schema, _days(table, days, -(-recordings // DAYS)))
+            each = -(-recordings // DAYS)
+            rows = (batch for day in days for batch in day_of(table, day, each).to_batches())
+            reader = pa.RecordBatchReader.from_batches(table.schema, rows)
             write_deltalake(str(place), reader, partition_by=["date"], mode="append")
-
-
-def _days(table: StoreTable, days: range, each: int) -> Iterator[pa.RecordBatch]:
-    for day in days:
-        yield from day_of(table, day, each).to_batches()
 
 
 def day_of(table: StoreTable, day: int, each: int) -> pa.Table:

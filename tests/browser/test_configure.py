@@ -6,8 +6,6 @@ writing.test.tsx; what becomes of it on the device, in tests/server (test_config
 
 from __future__ import annotations
 
-import json
-import urllib.request
 from collections.abc import Callable
 from typing import Any
 
@@ -17,7 +15,6 @@ from playwright.sync_api import Page
 from tests.browser.test_pictures import SIZES, picture
 from tests.chromium import until
 from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
 
 Serve = Callable[..., ServerProcess]
 OpenPage = Callable[..., Page]
@@ -30,12 +27,6 @@ RATE = """name => {
 }"""
 """Samples per second of a quantity, over its newest forty."""
 ACCELERATION = 'tr[data-id="0x4020"]'
-
-
-def asked(server: ServerProcess, path: str, device: str = "1") -> Any:
-    """Answer of the server to a GET."""
-    with urllib.request.urlopen(f"{server.url.rstrip('/')}/api/devices/{device}/{path}", timeout=PATIENCE_S) as answer:
-        return json.load(answer)
 
 
 def configured(server: ServerProcess, open_page: OpenPage, place: str = "", **options: Any) -> Page:
@@ -75,7 +66,7 @@ def test_a_rate_is_changed_in_five_actions_the_plot_follows_and_a_profile_goes_b
     page.get_by_role("button", name="Apply this profile").click()
     page.get_by_role("dialog").get_by_role("button", name="Write profile").click()
     until(page, "document.querySelector('.compare')?.innerText.includes('No difference')")
-    entries = asked(server, "values")["values"]["OutputConfiguration"]["outputs"]
+    entries = server.ask("GET", "/api/devices/1/values")["values"]["OutputConfiguration"]["outputs"]
     assert {"data_identifier": 0x4020, "output_frequency": 100} in entries
 
 

@@ -95,10 +95,6 @@ def flood(run: Flood) -> Flood:
 # -- bytes of a link ---------------------------------------------------------------------------------------------------
 
 
-def _noise() -> bytes:
-    return random.Random(7).randbytes(PIECE)
-
-
 def _names() -> bytes:
     """Sentences of names that no two share."""
     letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -112,7 +108,7 @@ def _senders() -> bytes:
 
 
 BYTES: dict[str, tuple[str, bytes | Callable[[], bytes]]] = {
-    "noise": ("xbus", _noise),
+    "noise": ("xbus", lambda: random.Random(7).randbytes(PIECE)),
     "zeros": ("xbus", b"\0"),
     "xbus frames": ("xbus", lambda: b"".join(frame(n, 2000.0) for n in range(2000))),
     "xbus preambles": ("xbus", b"\xfa"),
@@ -311,9 +307,10 @@ def tables(place: Place) -> None:
     """Whole channels of a long recording, several at once, as JSON and as Arrow."""
     with contextlib.ExitStack() as held:
         readers = [held.enter_context(http_client(base_url=place.url)) for _ in range(4)]
-        until_open(readers[0], RECORDING)
+        recording = f"/api/recordings/{RECORDING}"
+        block_until(lambda: readers[0].get(recording).status_code != 202, "it is decoded, or cannot be")
         place.begin()
-        path = f"/api/recordings/{RECORDING}/query?channel=Acceleration"
+        path = f"{recording}/query?channel=Acceleration"
         while not place.over:
             answers = [
                 held.enter_context(reader.stream("GET", f"{path}&format={'json' if n % 2 else 'arrow'}"))
@@ -328,11 +325,6 @@ def read(answer: httpx.Response, place: Place) -> None:
     for _ in answer.iter_raw():
         if place.over:
             return
-
-
-def until_open(http: httpx.Client, recording: str) -> None:
-    """Wait until a recording is decoded, or cannot be."""
-    block_until(lambda: http.get(f"/api/recordings/{recording}").status_code != 202, "the recording is decoded")
 
 
 # -- files -------------------------------------------------------------------------------------------------------------

@@ -215,10 +215,6 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> FullDisk:
     return FullDisk(monkeypatch)
 
 
-def texts_of(running: InProcessServer) -> list[str]:
-    return [one.text for one in running.call(lambda: list(running.services.telemetry.log))]
-
-
 def attempts(running: InProcessServer, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Waits until room has been looked for so often again."""
     count = 0
@@ -256,7 +252,9 @@ def test_a_standing_recording_is_resumed_when_a_full_disk_has_room(
         block_until(lambda: running.client.get("/api/recorder").json()["running"], "recording again")
         second = running.client.get("/api/recorder").json()
         assert second["id"] != first["id"]
-        assert "The disk has room again: recording has been resumed." in texts_of(running)
+        assert "The disk has room again: recording has been resumed." in [
+            one.text for one in running.call(lambda: list(running.services.telemetry.log))
+        ]
         send(running, links, "/dev/one", sample(2))
         settled(running)
     assert chunks(tmp_path / "recordings" / f"{second['id']}.mcap") == sample(2)

@@ -69,13 +69,9 @@ def test_a_faulty_decoder_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
         frames, rejects = oracle(data)
         return frames[:-1] if rejects else frames, rejects
 
-    monkeypatch.setattr(type(search.target), "speaker", _with(search.target.speaker, forgetful))
+    monkeypatch.setattr(type(search.target), "speaker", replace(search.target.speaker, expected=forgetful))
     found = next(filter(None, (search.step() for _ in range(200))))
     assert isinstance(found[1], BrokenError)
     small, broken = minimised("isb", *found, attempts=300)
     assert broken.kind == found[1].kind == "oracle"
     assert len(small.data) < len(found[0].data)
-
-
-def _with(speaker: object, expected: object) -> object:
-    return replace(speaker, expected=expected)  # type: ignore[type-var]

@@ -15,6 +15,7 @@ from typing import Any
 
 import httpx
 
+from tests.free_ports import free_port
 from tests.interop.running import DiffersError, from_pip, imuscope, run
 from tests.server.correction_messages import STREAM
 from tests.server_process import ServerProcess
@@ -78,7 +79,7 @@ def pygnssutils(folder: Path, scratch: Path) -> str:
     ):
         _until(client, "/api/devices", lambda devices: devices[0]["status"] == "live")
         for version in ("1.0", "2.0"):
-            port = _free()
+            port = free_port()
             command = [program, "--socket", f"127.0.0.1:{base}", "--hostip", "127.0.0.1", "--outport", str(port)]
             command += ["--ntripmode", "1", "--ntripversion", version, "--ntripuser", "me", "--ntrippassword", "secret"]
             with subprocess.Popen(command, cwd=scratch, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as caster:
@@ -122,11 +123,6 @@ def _base() -> Iterator[int]:
             yield int(server.getsockname()[1])
         finally:
             ended.set()
-
-
-def _free() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
 
 
 def _until(client: httpx.Client, path: str, true: Any, seconds: float = 90.0) -> Any:

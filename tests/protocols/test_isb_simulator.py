@@ -80,7 +80,8 @@ def test_readings_follow_the_trajectory_in_a_body_frame_with_z_down() -> None:
 def test_attitude_position_and_velocity_follow_the_trajectory_in_ned() -> None:
     events = decode(run(IsbSimulator(), 30))
     fixed = column(events, "week", 4) > 0
-    up = (column(events, "timeOfWeek", 4) - _tow_at_power_on())[fixed]
+    tow_at_power_on = float((UTC_2026_S + 18 - 315_964_800) % 604_800)
+    up = (column(events, "timeOfWeek", 4) - tow_at_power_on)[fixed]
     truth = trajectory.vehicle_motion(up)
     theta, ned = column(events, "theta", 4)[fixed], column(events, "ned", 4)[fixed]
     heading = np.degrees(np.pi / 2 - truth.euler[:, 2])  # yaw of the drive counts from east, anticlockwise
@@ -100,10 +101,6 @@ def test_quaternion_and_angles_are_the_same_attitude() -> None:
     q = column(events, "qn2b", 5)
     assert np.abs(np.linalg.norm(q, axis=1) - 1).max() < 1e-6
     assert np.abs(np.degrees(rotations.euler_of(q)) - column(events, "theta", 4)).max() < 1e-3
-
-
-def _tow_at_power_on() -> float:
-    return float((UTC_2026_S + 18 - 315_964_800) % 604_800)
 
 
 def test_the_first_fix_is_one_step_and_nothing_is_in_1980() -> None:

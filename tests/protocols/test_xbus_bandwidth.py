@@ -81,15 +81,10 @@ CONFIGURED = {  # output configuration of the captured devices, by the rates of 
 }
 
 
-def contents(pairs: list[Pair]) -> list[tuple[Pair, ...]]:
-    """Contents of the messages of a configuration."""
-    return [due for stream in streams(pairs) for due, _ in messages_of(stream)]
-
-
 @each_row("name", CONFIGURED)
 def test_a_capture_is_as_long_as_its_configuration_says(captures: Path, name: str) -> None:
     """Message by message: the ones computed, less the items that a device leaves out while it has no value for them."""
-    kinds = contents(CONFIGURED[name])
+    kinds = [due for stream in streams(CONFIGURED[name]) for due, _ in messages_of(stream)]
     found = messages(capture(captures, name))
     for frame, items in found:
         sizes = dict(items)

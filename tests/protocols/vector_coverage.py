@@ -166,10 +166,6 @@ def _idtp_vectors() -> Sequence[tuple[idtp_oracle.OracleIdtpFrame, str]]:
     ]
 
 
-def _idtp_rows() -> set[tuple[int, int]]:
-    return {(row.id, mode) for row in idtp_messages.MESSAGES for mode in range(len(idtp_frames.MODES))}
-
-
 def _kind_of(kind: int) -> str:
     return "standard" if kind < idtp_messages.STANDARD_END else "reserved" if kind < 0x80 else "vendor's own"
 
@@ -209,7 +205,7 @@ GROUPS: Mapping[str, Group] = {
         ),
     ),
     "IDTP payload types, each mode": Group(
-        _idtp_rows,
+        lambda: {(row.id, mode) for row in idtp_messages.MESSAGES for mode in range(len(idtp_frames.MODES))},
         lambda: (((frame.kind, frame.mode), source) for frame, source in _idtp_vectors() if frame.version % 16),
     ),
     "IDTP kinds of type, each mode": Group(

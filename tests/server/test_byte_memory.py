@@ -30,10 +30,6 @@ S = 1_000_000_000
 Got = list[tuple[bytes, int, Direction]]
 
 
-def stored(memory: LinkMemory, way: Direction = "rx") -> bytes:
-    return b"".join(run.data for run in memory.runs() if run.direction == way)
-
-
 def filled(memory: LinkMemory, seconds: range, size: int = 1000) -> None:
     for second in seconds:
         memory.append([Chunk(bytes([second % 256]) * size, second * S)], "rx")
@@ -124,7 +120,7 @@ def test_a_follower_that_fails_is_removed_and_memory_goes_on() -> None:
     memory.follow(fail, 0).begin()
     memory.append([Chunk(b"a", 1)], "rx")
     memory.append([Chunk(b"b", 2)], "rx")
-    assert stored(memory) == b"ab"
+    assert b"".join(run.data for run in memory.runs()) == b"ab"
 
 
 # ── all links ────────────────────────────────────────────────────────────────────────────────────────────────────────

@@ -62,14 +62,6 @@ def stored(folder: Path) -> dict[str, list[int]]:
     return {run.boot: [number for number, _ in run.reports] for run in JournalFiles(folder, LIMIT).load()}
 
 
-def wait_for(folder: Path, boot: str, number: int) -> None:
-    block_until(lambda: len(stored(folder).get(boot, [])) >= number, "reports are on disk")
-
-
-def wait_for_runs(folder: Path, number: int) -> None:
-    block_until(lambda: len(stored(folder)) == number, "events of this run are on disk")
-
-
 def started(folder: Path, limit: int = LIMIT) -> Journal:
     journal = Journal(limit, folder)
     journal.start()
@@ -99,7 +91,7 @@ def test_killed_at_any_moment_what_was_written_is_there(tmp_path: Path) -> None:
             assert process.stdout is not None
             boots.append(process.stdout.readline().strip())
             at_least = chance.randrange(1, 300)
-            wait_for(tmp_path, boots[-1], at_least)
+            block_until(lambda: len(stored(tmp_path).get(boots[-1], [])) >= at_least, "reports are on disk")  # noqa: B023
             process.send_signal(signal.SIGKILL)
         found = stored(tmp_path)
         assert list(found) == boots
@@ -260,7 +252,7 @@ def test_a_robot_that_was_killed_while_its_line_was_away_loses_nothing(tmp_path:
     runs: dict[str, list[int]] = {}
     for count in (1, 2):
         with robot() as server:
-            wait_for_runs(folder, count)
+            block_until(lambda: len(stored(folder)) == count, "events of this run are on disk")  # noqa: B023
             os.kill(server.process.pid, signal.SIGKILL)
             server.process.wait()
         runs = stored(folder)

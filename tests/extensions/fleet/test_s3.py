@@ -56,11 +56,6 @@ def s3_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
         process.wait()
 
 
-def objects(tmp_path: Path) -> list[Path]:
-    """Recordings in the bucket."""
-    return list((tmp_path / "s3" / "drives" / "all" / "robots").rglob("*.mcap"))
-
-
 def check(commands: Commands, recording: Path, tmp_path: Path) -> None:
     """Check that the store has the recording once."""
     (row,) = commands.query(STORE, "SELECT lost, (SELECT count(*) FROM samples('RateOfTurn.x')) AS n FROM recordings")
@@ -68,7 +63,8 @@ def check(commands: Commands, recording: Path, tmp_path: Path) -> None:
     assert row["n"] > 300
     (event,) = commands.query(STORE, "SELECT count(*) AS n FROM events")
     assert event == {"n": 5}
-    assert [path.read_bytes() for path in objects(tmp_path)] == [recording.read_bytes()]
+    objects = (tmp_path / "s3" / "drives" / "all" / "robots").rglob("*.mcap")
+    assert [path.read_bytes() for path in objects] == [recording.read_bytes()]
 
 
 @pytest.mark.usefixtures("s3_port")

@@ -274,11 +274,6 @@ def small(tmp_path: Path) -> Iterator[Path]:
         subprocess.run(["umount", "--lazy", str(place)], check=True)
 
 
-def grow(place: Path) -> None:
-    """Make room."""
-    subprocess.run(["mount", "-o", "remount,size=64m", str(place)], check=True)
-
-
 def problem(server: InProcessServer) -> str:
     return str(server.client.get("/api/uploads").json()["problem"])
 
@@ -289,7 +284,7 @@ def overcome(server: InProcessServer, small: Path, words: str) -> None:
     assert "tried again" in problem(server)
     assert states(server)["a"]["state"] in ("waiting", "uploading")
     block_until(lambda: "imuscope_upload_failures_total 3" in server.client.get("/metrics").text, "more attempts")
-    grow(small)
+    subprocess.run(["mount", "-o", "remount,size=64m", str(small)], check=True)
     until(server, "a", "stored")
     assert problem(server) == ""
     said = events(server)

@@ -6,13 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.config import Config, ConfigError, load
+from imuscope.server.config import ConfigError, load
 from imuscope.server.extensions.shares.settings import ShareSettings, check_sources
 from tests.each_row import each_row
-
-
-def shares_of(config: Config) -> dict[str, tuple[str, ...]]:
-    return config.of(ShareSettings).shares
 
 
 def test_shares_belong_to_sources(tmp_path: Path) -> None:
@@ -20,7 +16,7 @@ def test_shares_belong_to_sources(tmp_path: Path) -> None:
     toml.write_text('sources = ["/dev/a", "/dev/b"]\n[shares]\n"/dev/b" = ["/run/imu0", "tcp://:4001?mode=read"]\n')
     config = load(toml)
     check_sources(config)
-    assert shares_of(config) == {"/dev/b": ("/run/imu0", "tcp://:4001?mode=read")}
+    assert config.of(ShareSettings).shares == {"/dev/b": ("/run/imu0", "tcp://:4001?mode=read")}
 
 
 def test_shares_of_a_source_that_is_not_opened_are_refused() -> None:

@@ -77,10 +77,6 @@ def mat(path: Path) -> None:
     savemat(path, {"imu": {"t_ns": NS.astype(np.float64), "gyro": GYRO}, "name": "a"}, do_compression=True)
 
 
-def mat4(path: Path) -> None:
-    savemat(path, {"time": NS / 1e9, "gyro": GYRO.T}, format="4")
-
-
 FILES: list[tuple[str, Callable[[Path], None], str]] = [
     ("a.parquet", parquet, "gyro"),
     ("a.arrow", arrow, "gyro"),
@@ -88,7 +84,7 @@ FILES: list[tuple[str, Callable[[Path], None], str]] = [
     ("a.npz", npz, "gyro"),
     ("a.npy", npy, "gyro"),
     ("a.mat", mat, "imu.gyro"),
-    ("b.mat", mat4, "gyro"),
+    ("b.mat", lambda path: savemat(path, {"time": NS / 1e9, "gyro": GYRO.T}, format="4"), "gyro"),
 ]
 
 
