@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols import rtcm, ubx
 from imuscope.protocols.checksums import crc24q, fletcher16
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Text
 from imuscope.protocols.isb import frames
@@ -19,6 +18,8 @@ from imuscope.protocols.isb.frames import build
 from imuscope.protocols.isb.inspect import detection_score
 from imuscope.protocols.isb.time_base import leap_seconds, store_offset, update_time, utc_ns
 from tests.each_row import each_row
+from tests.oracles.foreign import rtcm as rtcm_message
+from tests.oracles.foreign import ubx as ubx_message
 from tests.protocols.decoding import decode_chunks
 
 S = 1_000_000_000
@@ -247,17 +248,6 @@ def test_parts_of_configuration_merge_too() -> None:
 # -- others in the stream ----------------------------------------------------------------------------------------------
 
 
-def ubx_message(group: int, number: int, payload: bytes) -> bytes:
-    body = bytes([group, number]) + len(payload).to_bytes(2, "little") + payload
-    return ubx.SYNC + body + fletcher16(np.frombuffer(body, np.uint8), 0, len(body)).to_bytes(2, "little")
-
-
-def rtcm_message(number: int, size: int = 20) -> bytes:
-    payload = (number << 4).to_bytes(2, "big") + bytes(size - 2)
-    body = rtcm.SYNC + len(payload).to_bytes(2, "big") + payload
-    return body + crc24q(np.frombuffer(body, np.uint8), 0, len(body)).to_bytes(3, "big")
-
-
 def test_check_values() -> None:
     digits = np.frombuffer(b"123456789", np.uint8)
     assert crc24q(digits, 0, 9) == 0xCDE703
@@ -272,7 +262,7 @@ def test_the_checksum_of_long_data_is_that_of_its_definition(data: bytes, times:
 
 
 def test_foreign_messages_are_named() -> None:
-    stream = imu(1) + ubx_message(1, 7, bytes(92)) + rtcm_message(1077) + b"$HCHDM,123.45,M*18\r\n" + imu(2)
+    stream = imu(1) + ubx_message(1, 7, bytes(92)) + rtcm_message(1077, bytes(18)) + b"$HCHDM,123.45,M*18\r\n" + imu(2)
     events = decode(stream)
     texts = [(event.protocol, event.name) for event in events if isinstance(event, Text)]
     assert texts == [("ubx", "NAV-PVT"), ("rtcm3", "1077"), ("nmea", "HCHDM")]

@@ -9,13 +9,12 @@ import pytest
 
 from imuscope.protocols.events import Batch, Reply
 from imuscope.protocols.layouts import Layout
-from imuscope.protocols.schema import Message
 from imuscope.protocols.xbus.data_identifiers import BY_NAME, ITEMS, item
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.json_codec import frame_from_json, frame_to_json
-from imuscope.protocols.xbus.messages import MESSAGES, form_of
+from imuscope.protocols.xbus.messages import MESSAGES
 from tests.each_row import each_row
-from tests.protocols.xbus_vectors import COMMANDS, COMPUTED, DATA, DEVICE, everything, flat, frame
+from tests.protocols.xbus_vectors import COMMANDS, COMPUTED, DATA, DEVICE, flat, frame
 
 SAMPLES = [v for v in DATA if v.get("kind") is None]
 DERIVED = [v for v in DATA if v.get("kind") is not None]
@@ -220,25 +219,6 @@ def test_device_frames() -> None:
         data = frame(vector)
         assert frame_from_json(frame_to_json(data)) == data
         assert frame_to_json(data)["message"] in ("MTData2", "Configuration", "DeviceID", "ProductCode")
-
-
-def shape_of(row: Message) -> tuple[tuple[str, str], ...]:
-    return tuple((field.name, field.dtype) for field in row.fields)
-
-
-def test_every_row_has_a_vector() -> None:
-    """Each form of each message and each item is met by at least one vector."""
-    forms, items_ = set(), set()
-    for data in everything():
-        payload, mid = data[6 if data[3] == 255 else 4 : -1], data[2]
-        forms.add((mid, shape_of(form_of(mid, payload)[0])))
-        if mid == 0x36:
-            forms.add((mid, ()))
-            items_.update((f.id & 0xFFF0, f.dtype == ">u8") for f in batch_of(data).message.fields)
-    for row in MESSAGES:
-        assert (row.id, shape_of(row)) in forms, f"no vector for {row.name}: {row.doc}"
-    missing = [row.name for row in ITEMS if (row.id, row.dtype == ">u8") not in items_]
-    assert not missing, f"no vector for {missing}"
 
 
 def test_rows_are_documented() -> None:

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.table_axis import TimeAxis
 from imuscope.recordings.tabular import CsvSource
 from imuscope.recordings.time_units import UNITS
 from tests.each_row import each_row
@@ -101,8 +103,8 @@ def tables(draw: st.DrawFn, units: Sequence[str] = tuple(UNITS)) -> Table:
     return Table(heading, unit, times, decimals, columns)
 
 
-def check(table: Table) -> str:
-    """Read a table; the unit that is taken, "" if it is refused."""
+def read(table: Table) -> tuple[TimeAxis, NDArray[np.float64]] | None:
+    """The axis and the times of a table as a file, if it is not refused; its unit is right."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.csv"
         path.write_text(table.text, encoding="utf-8")
@@ -111,13 +113,19 @@ def check(table: Table) -> str:
         try:
             time = np.concatenate([rows.time for rows in source.rows()])
         except RecordingError:
-            return ""
-        assert source.axis is not None
-        assert source.axis.clock.unit == table.unit, source.axis.sentences()
-        wanted = np.array(table.times)
-        resolution = UNITS[table.unit] * 10.0**-table.decimals
-        np.testing.assert_allclose(np.diff(time), np.diff(wanted), atol=2 * resolution + 1e-6)
-        return table.unit
+            return None
+    assert source.axis is not None
+    assert source.axis.clock.unit == table.unit, source.axis.sentences()
+    return source.axis, time
+
+
+def check(table: Table) -> str:
+    """Read a table; the unit that is taken, "" if it is refused."""
+    if (found := read(table)) is None:
+        return ""
+    resolution = UNITS[table.unit] * 10.0**-table.decimals
+    np.testing.assert_allclose(np.diff(found[1]), np.diff(np.array(table.times)), atol=2 * resolution + 1e-6)
+    return table.unit
 
 
 @given(tables())
@@ -142,28 +150,20 @@ def disturbed(draw: st.DrawFn) -> tuple[Table, str]:
 
 def check_disturbed(table: Table, kind: str) -> None:
     """Read a table; its unit is right, or it is refused, and no time is invented."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "a.csv"
-        path.write_text(table.text, encoding="utf-8")
-        os.utime(path, (WRITTEN, WRITTEN))
-        source = CsvSource(path)
-        try:
-            time = np.concatenate([rows.time for rows in source.rows()])
-        except RecordingError:
-            return
-        assert source.axis is not None
-        assert source.axis.watch is not None
-        assert source.axis.clock.unit == table.unit, source.axis.sentences()
-        resolution = UNITS[table.unit] * 10.0**-table.decimals
-        wanted = np.array(table.times)
-        if source.axis.order:
-            wanted = np.sort(wanted)
-        elif kind in ("backwards", "shuffled"):  # few rows: each step back is reported
-            return
-        if source.axis.clock.epoch == "1970":
-            wanted = wanted[np.abs(wanted) > resolution / 2]
-        if not source.axis.watch.steps:  # each is reported
-            np.testing.assert_allclose(np.diff(time), np.diff(wanted), atol=2 * resolution + 1e-6)
+    if (found := read(table)) is None:
+        return
+    axis, time = found
+    assert axis.watch is not None
+    resolution = UNITS[table.unit] * 10.0**-table.decimals
+    wanted = np.array(table.times)
+    if axis.order:
+        wanted = np.sort(wanted)
+    elif kind in ("backwards", "shuffled"):  # few rows: each step back is reported
+        return
+    if axis.clock.epoch == "1970":
+        wanted = wanted[np.abs(wanted) > resolution / 2]
+    if not axis.watch.steps:  # each is reported
+        np.testing.assert_allclose(np.diff(time), np.diff(wanted), atol=2 * resolution + 1e-6)
 
 
 @given(disturbed())
