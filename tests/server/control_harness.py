@@ -99,6 +99,23 @@ async def house(
         await made.sessions.close()
 
 
+@asynccontextmanager
+async def house_of(
+    source: str, data: Path, *, is_read: bool = False, **options: Any
+) -> AsyncIterator[tuple[ControlHarness, DeviceController]]:
+    """A house with one device that streams.
+
+    Args:
+        is_read: its settings have been read.
+        options: as of `house`.
+    """
+    async with house(data, **options) as here:
+        desk = await here.add(source)
+        if is_read:
+            await here.read(desk)
+        yield here, desk
+
+
 async def over(task: QueuedJob) -> Job:
     """The job when it is done."""
     await asyncio.wait_for(task.finished.wait(), PATIENCE_S)

@@ -14,7 +14,7 @@ from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.devices.device_demux import QuietReason
 from imuscope.server.wire import Job
 from tests.each_row import each_row
-from tests.server.control_harness import ControlHarness, bench, house, over
+from tests.server.control_harness import ControlHarness, bench, house, house_of, over
 from tests.server.shared_line import both
 from tests.transaction_player import PlayedWire, play
 from tests.waiting import until
@@ -29,8 +29,7 @@ async def told(here: ControlHarness, desk: DeviceController, command: str, value
 
 async def test_a_manual_query_leaves_the_state_of_the_device_unchanged(tmp_path: Path) -> None:
     """Regression: each of these ended the config state that the user had just requested."""
-    async with bench() as there, house(tmp_path) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with bench() as there, house_of(f"{there.slave}?baud=115200", tmp_path) as (here, desk):
         for command in ("ReqDID", "GoToConfig", "ReqDID", "ReqOutputConfiguration"):
             job = await told(here, desk, command)
             assert job.state == "done", job.message
@@ -48,8 +47,7 @@ async def test_a_manual_query_leaves_the_state_of_the_device_unchanged(tmp_path:
 
 async def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path) -> None:
     """It was called lost, with its power and cable to be checked."""
-    async with bench() as there, house(tmp_path) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with bench() as there, house_of(f"{there.slave}?baud=115200", tmp_path) as (here, desk):
         await told(here, desk, "GoToConfig")
         await until(lambda: desk.member.info.status != "live", "it is silent")
         info = desk.member.info
@@ -66,8 +64,7 @@ async def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path
 
 async def test_streams_that_the_user_stopped_are_not_lost(tmp_path: Path) -> None:
     """An IMX was called lost after "Stop all streams", with its power to be checked."""
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:isb?rate=50")
+    async with house_of("sim:isb?rate=50", tmp_path) as (here, desk):
         assert (await told(here, desk, "STOP_BROADCASTS_ALL_PORTS")).state == "done"
         await until(lambda: desk.member.info.status != "live", "it is silent")
         assert desk.member.info.status == "idle"
@@ -92,8 +89,7 @@ async def test_a_device_at_rest_beside_others_is_explained_too(tmp_path: Path) -
 
 
 async def test_a_restart_ends_the_rest(tmp_path: Path) -> None:
-    async with bench() as there, house(tmp_path) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with bench() as there, house_of(f"{there.slave}?baud=115200", tmp_path) as (here, desk):
         await told(here, desk, "GoToConfig")
         assert desk.at_rest
         assert (await told(here, desk, "Reset")).state == "done"

@@ -17,7 +17,7 @@ from imuscope.server.configuration.device_controller import MAX_WAITING, Control
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire import TrafficEntry
-from tests.server.control_harness import house, outputs, over
+from tests.server.control_harness import house_of, outputs, over
 from tests.waiting import until
 
 GO_TO_MEASUREMENT = "faff1000f1"
@@ -28,8 +28,7 @@ def sent(desk: DeviceController) -> list[TrafficEntry]:
 
 
 async def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?rate=100&baud=921600")
+    async with house_of("sim:xbus?rate=100&baud=921600", tmp_path) as (here, desk):
         job = await here.apply(desk, {"OutputConfiguration": outputs(400)})
         assert (job.state, job.outcomes) == ("done", [])
 
@@ -42,8 +41,7 @@ async def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
 
 
 async def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?rate=20")
+    async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
         job = await here.apply(desk, {"OutputConfiguration": outputs(130, 0x2010)})
         assert job.state == "done"
         assert [(one.path, one.requested, one.actual) for one in job.outcomes] == [
@@ -52,8 +50,7 @@ async def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Pat
 
 
 async def test_unchanged_values_are_not_written(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?rate=20")
+    async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
         await here.apply(desk, {"LocationID": {"location_id": 7}})
         job = await here.apply(desk, {"LocationID": {"location_id": 7}})
         assert "Nothing to change" in job.message
@@ -62,8 +59,7 @@ async def test_unchanged_values_are_not_written(tmp_path: Path) -> None:
 
 async def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
     """Their exchanges never mix: between GoToConfig and GoToMeasurement there is one job's."""
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?rate=20")
+    async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
         first = desk.add("first", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 1}}, ""))
         second = desk.add("second", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 2}}, ""))
         assert [job.title for job in desk.job_report.queue] == ["first", "second"]
@@ -82,8 +78,7 @@ async def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
 
 
 async def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?baud=9600&rate=5")
+    async with house_of("sim:xbus?baud=9600&rate=5", tmp_path) as (here, desk):
         task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
         await until(lambda: desk.state == "Config", "the device is in Config")
         await desk.drop(task.job.id)
@@ -106,16 +101,14 @@ def test_a_job_that_is_stopped_on_its_way_to_config_leaves_the_device_measuring(
 
 async def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
     desk: DeviceController
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?baud=9600&rate=5")
+    async with house_of("sim:xbus?baud=9600&rate=5", tmp_path) as (here, desk):
         desk.add("Read", here.desks.jobs.read(desk, None, ""))
         await until(lambda: desk.state == "Config", "the device is in Config")
     assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
 
 
 async def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?rate=20")
+    async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
         tasks = [desk.add(str(n), here.desks.jobs.read(desk, ["LocationID"], "")) for n in range(3)]
         await desk.drop(tasks[2].job.id)
         assert tasks[2].job.state == "stopped"
@@ -125,8 +118,7 @@ async def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: 
 
 
 async def test_a_full_queue_is_reported(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?rate=20")
+    async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
         work = here.desks.jobs.read(desk, ["LocationID"], "")
         for _ in range(MAX_WAITING):
             desk.add("Read", work)
@@ -136,8 +128,7 @@ async def test_a_full_queue_is_reported(tmp_path: Path) -> None:
 
 async def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
     """Regression: a device that does not measure because it is being configured was shown as lost."""
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?baud=9600&rate=20")
+    async with house_of("sim:xbus?baud=9600&rate=20", tmp_path) as (here, desk):
         seen: set[str] = set()
         task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
         while not task.finished.is_set():
@@ -147,8 +138,7 @@ async def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> N
 
 
 async def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?rate=20")
+    async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
         await here.apply(desk, {"LocationID": {"location_id": 3}})
         entries = desk.log.tail(limit=500)
         at = next(place for place, one in enumerate(entries) if one.name == "SetLocationID")
@@ -164,8 +154,7 @@ async def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None
 
 
 async def test_a_stubborn_device_is_not_reset_by_a_read(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?stubborn=1&rate=20")
+    async with house_of("sim:xbus?stubborn=1&rate=20", tmp_path) as (here, desk):
         job = await here.read(desk)
         assert job.state == "failed"
         assert "run the command Reset if that is what you want" in job.message
@@ -296,9 +285,7 @@ async def test_a_cancelled_runner_sends_its_final_messages() -> None:
 
 async def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: Path) -> None:
     """Only the bytes of this field are sent, so that no other value can be set back."""
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:isb?rate=20")
-        await here.read(desk)
+    async with house_of("sim:isb?rate=20", tmp_path, is_read=True) as (here, desk):
         before = dict(desk.values["DID_FLASH_CONFIG"])
         job = await here.apply(desk, {"DID_FLASH_CONFIG": {"gnssCn0Minimum": 21, "dynamicModel": 8}})
         assert (job.state, job.outcomes) == ("done", [])
@@ -312,8 +299,7 @@ async def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_p
 
 
 async def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:idtp?rate=20")
+    async with house_of("sim:idtp?rate=20", tmp_path) as (here, desk):
         assert desk.rows == {}
         job = await over(desk.add("Send", here.desks.jobs.raw(desk, b"\x00\x01")))
         assert job.state == "done"

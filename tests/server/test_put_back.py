@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
@@ -22,11 +23,14 @@ from imuscope.server.configuration.put_back import IS_BACK, PutBackStore
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.reader_thread import ThreadedLink
 from imuscope.server.links.simulator import SimulatorThread
-from tests.server.control_harness import BRIEFEST, ControlHarness, bench, house, over
+from tests.server.control_harness import BRIEFEST, ControlHarness, bench, house, house_of, over
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
 GO_TO_CONFIG, GO_TO_MEASUREMENT, REQ_DID = build(0x30), build(0x10), build(0x00)
+
+
+Measuring = tuple[SimulatorThread, ControlHarness, DeviceController]
 
 
 def phase(there: SimulatorThread) -> str:
@@ -38,14 +42,20 @@ def reported(here: ControlHarness, text: str) -> bool:
     return text in [event.text for event in here.telemetry.log]
 
 
+@asynccontextmanager
+async def measuring(data: Path, **options: Any) -> AsyncIterator[Measuring]:
+    """A device that measures on its port, and a house that has it; options as of `house`."""
+    async with bench(measuring=True) as there, house_of(f"{there.slave}?baud=115200", data, **options) as (here, desk):
+        yield there, here, desk
+
+
 def test_a_read_stores_how_to_measure_again_before_it_interrupts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stored: list[tuple[bytes, ...]] = []
 
     async def check() -> None:
-        async with bench(measuring=True) as there, house(tmp_path) as here:
-            desk = await here.add(f"{there.slave}?baud=115200")
+        async with measuring(tmp_path) as (_, here, desk):
 
             def keep(source: str, device: str, frames: Sequence[bytes]) -> None:
                 assert (source, device) == (desk.member.info.source, "")
@@ -76,8 +86,7 @@ async def test_a_device_of_a_server_that_was_killed_measures_again(tmp_path: Pat
 
 async def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotten(tmp_path: Path) -> None:
     """A file under another name than the first device's was kept, and its frames sent at every start."""
-    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path, sample_s=0.1) as (_, here, desk):
         source = desk.member.info.source
         written: list[bytes] = []
         desk.member.listeners.on_sent(lambda data, time_ns: written.append(data))
@@ -126,8 +135,7 @@ async def test_what_is_stored_slowly_does_not_outlast_what_came_after_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two threads overtook each other: the frames stayed stored, and the next start sent them to a device in use."""
-    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path, sample_s=0.1) as (_, here, desk):
         with held(here.desks.put_back, monkeypatch, bool) as (begun, may_write):
             saving = asyncio.create_task(desk.put_back.keep([GO_TO_MEASUREMENT]))
             await until(begun.is_set, "the writing begins")
@@ -143,8 +151,7 @@ async def test_a_job_that_is_stopped_while_its_frames_are_stored_leaves_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The thread went on when its job was stopped, and wrote the frames after their removal."""
-    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path, sample_s=0.1) as (_, here, desk):
         with held(here.desks.put_back, monkeypatch, bool) as (begun, may_write):
             saving = asyncio.create_task(desk.put_back.keep([GO_TO_MEASUREMENT]))
             await until(begun.is_set, "the writing begins")
@@ -161,8 +168,7 @@ async def test_what_is_left_while_the_end_of_the_earlier_is_stored_is_sent_as_we
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It was added to a task that had done its work, and never sent."""
-    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path, sample_s=0.1) as (there, here, desk):
         await desk.put_back.keep([GO_TO_MEASUREMENT])
         with held(here.desks.put_back, monkeypatch, lambda frames: not frames) as (_, may_write):
             desk.put_back.transaction_ended()
@@ -191,8 +197,7 @@ def cut_at(desk: DeviceController, answer: str, then: Callable[[], None] = lambd
 
 async def test_a_device_whose_link_broke_measures_again_when_the_link_is_back(tmp_path: Path) -> None:
     """It stayed silent until the server was restarted: only the next start put it back."""
-    async with bench(measuring=True) as there, house(tmp_path) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path) as (there, here, desk):
         cut_at(desk, "GoToConfigAck")
         assert (await here.read(desk)).state == "failed"
         await until(lambda: phase(there) == "measurement", "it measures")
@@ -201,8 +206,7 @@ async def test_a_device_whose_link_broke_measures_again_when_the_link_is_back(tm
 
 
 async def test_a_device_that_measures_by_itself_again_is_sent_nothing(tmp_path: Path) -> None:
-    async with bench(measuring=True) as there, house(tmp_path, sample_s=PATIENCE_S) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path, sample_s=PATIENCE_S) as (there, here, desk):
         written: list[bytes] = []
         desk.member.listeners.on_sent(lambda data, time_ns: written.append(data))
         cut_at(desk, "GoToConfigAck", there.cycle)  # its adapter feeds it
@@ -214,8 +218,7 @@ async def test_a_device_that_measures_by_itself_again_is_sent_nothing(tmp_path: 
 async def test_a_device_that_another_program_configures_is_left_to_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with bench(measuring=True) as there, house(tmp_path, sample_s=0.1) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path, sample_s=0.1) as (there, here, desk):
         with serial.Serial(there.slave, 115_200) as port:
             port.write(GO_TO_CONFIG)
             await until(lambda: phase(there) == "config", "the program stops it")
@@ -232,8 +235,7 @@ async def test_a_device_that_another_program_configures_is_left_to_it(
 
 
 async def test_a_device_that_a_person_stops_stays_stopped(tmp_path: Path) -> None:
-    async with bench(measuring=True) as there, house(tmp_path) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path) as (there, here, desk):
         await desk.put_back.keep([GO_TO_MEASUREMENT])
         desk.put_back.transaction_ended()
         work = here.desks.jobs.run(desk, "GoToConfig", {}, changes=False, restarts=False)
@@ -243,8 +245,7 @@ async def test_a_device_that_a_person_stops_stays_stopped(tmp_path: Path) -> Non
 
 
 async def test_a_device_that_was_found_in_the_config_state_stays_there(tmp_path: Path) -> None:
-    async with bench(measuring=True) as there, house(tmp_path) as here:
-        desk = await here.add(f"{there.slave}?baud=115200")
+    async with measuring(tmp_path) as (there, here, desk):
         await desk.member.access.send(GO_TO_CONFIG)
         await until(lambda: phase(there) == "config", "another program stops it")
         assert (await here.read(desk)).state == "done"
@@ -256,8 +257,7 @@ def test_streams_that_a_read_may_end_are_stored(tmp_path: Path) -> None:
     stored: list[tuple[bytes, ...]] = []
 
     async def check() -> None:
-        async with house(tmp_path, listening=BRIEFEST) as here:
-            desk = await here.add("sim:isb?rate=50")
+        async with house_of("sim:isb?rate=50", tmp_path, listening=BRIEFEST) as (_, desk):
             desk.runner._put_back = lambda frames: _noted(stored, frames)
             driver = desk.driver
             body = driver.run("GET_DATA", {"id": 4, "size": 0, "offset": 0, "period": 0}, DeviceContext())

@@ -22,7 +22,7 @@ from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 from tests.each_row import each_row
-from tests.server.control_harness import BRIEFEST, house
+from tests.server.control_harness import BRIEFEST, house_of
 
 DRIVER = IsbDriver()
 KNOWN = DeviceContext(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
@@ -88,9 +88,7 @@ async def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Pat
     writes = {form.name: form.writes for form in forms.commands}
     assert writes["SET_DID_FLASH_CONFIG"] == "DID_FLASH_CONFIG"
 
-    async with house(tmp_path, listening=BRIEFEST) as here:
-        desk = await here.add("sim:isb?rate=20")
-        await here.read(desk)
+    async with house_of("sim:isb?rate=20", tmp_path, is_read=True, listening=BRIEFEST) as (_, desk):
         values = {**desk.values["DID_FLASH_CONFIG"], "ser0BaudRate": 460_800}
         wish = plan_command(desk, "SET_DID_FLASH_CONFIG", values)
         assert wish.setting == "DID_FLASH_CONFIG"

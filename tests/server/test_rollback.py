@@ -21,7 +21,7 @@ from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulator import SimulatorLink, SimulatorThread
 from imuscope.server.wire import PendingRollback
 from tests.each_row import each_row
-from tests.server.control_harness import PATIENT, SILENT, ControlHarness, at_rate, bench, house, over
+from tests.server.control_harness import PATIENT, SILENT, ControlHarness, at_rate, bench, house, house_of, over
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until, until
@@ -42,8 +42,7 @@ def files(data: Path) -> list[Path]:
 
 
 async def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
-    async with house(tmp_path, rollback_s=1.0) as here:
-        desk = await here.add(SOURCE)
+    async with house_of(SOURCE, tmp_path, rollback_s=1.0) as (here, desk):
         task = await faster(here, desk)
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
         assert desk.member.access.baud == 921_600
@@ -65,9 +64,7 @@ async def test_an_unconfirmed_change_is_rolled_back(tmp_path: Path) -> None:
 
 @each_row("keep", [True, False])
 async def test_any_change_is_temporary_on_request(tmp_path: Path, keep: bool) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add(SOURCE)
-        await here.read(desk)
+    async with house_of(SOURCE, tmp_path, is_read=True) as (here, desk):
         before, new, seconds = desk.values["LocationID"], {"location_id": 7}, 30.0 if keep else 1.0
         assert before != new
         task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": new}, "", confirm_s=seconds))
@@ -86,8 +83,7 @@ async def test_any_change_is_temporary_on_request(tmp_path: Path, keep: bool) ->
 
 @each_row("keep", [True, False])
 async def test_the_user_confirms_or_rolls_back(tmp_path: Path, keep: bool) -> None:
-    async with house(tmp_path, rollback_s=30.0) as here:
-        desk = await here.add(SOURCE)
+    async with house_of(SOURCE, tmp_path, rollback_s=30.0) as (here, desk):
         task = await faster(here, desk)
         with pytest.raises(ControlError, match="No change is waiting to be confirmed"):
             desk.decide(keep=True)
@@ -120,8 +116,7 @@ async def test_an_answer_that_is_too_late_is_refused(
         method(store, record)
 
     monkeypatch.setattr(RollbackStore, held, slow)
-    async with house(tmp_path) as here:
-        desk = await here.add(SOURCE)
+    async with house_of(SOURCE, tmp_path) as (here, desk):
         new = {"LocationID": {"location_id": 7}}
         task = desk.add("Write", here.desks.jobs.apply(desk, new, "", confirm_s=confirm_s))
         if held == "forget":
@@ -147,8 +142,7 @@ def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypat
     monkeypatch.setattr(atomic_write, "write_atomic", noting)
 
     async def check() -> None:
-        async with house(tmp_path, rollback_s=1.0) as here:
-            desk = await here.add(SOURCE)
+        async with house_of(SOURCE, tmp_path, rollback_s=1.0) as (here, desk):
             desk.member.listeners.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
             await over(await faster(here, desk))
 
@@ -164,9 +158,7 @@ async def test_a_full_disk_stops_it_before_anything_is_sent(tmp_path: Path, monk
         if path.parent.name == "rollbacks":
             raise OSError(28, "No space left on device")
 
-    async with house(tmp_path) as here:
-        desk = await here.add(SOURCE)
-        await here.read(desk)
+    async with house_of(SOURCE, tmp_path, is_read=True) as (here, desk):
         monkeypatch.setattr(atomic_write, "write_atomic", full)
         task = await faster(here, desk)
         job = await over(task)
@@ -179,8 +171,10 @@ async def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
     """Neither end receives the other at either rate: this is reported, stored on disk, and repaired by restoring
     communication.
     """
-    async with bench(dead_baud=921_600) as there, house(tmp_path, rounds=1, times=SILENT, patience=1.0) as here:
-        desk = await here.add(f"serial://{there.slave}?baud=115200")
+    async with (
+        bench(dead_baud=921_600) as there,
+        house_of(f"serial://{there.slave}?baud=115200", tmp_path, rounds=1, times=SILENT, patience=1.0) as (here, desk),
+    ):
         job = await over(await faster(here, desk))
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == "unreachable"
@@ -201,8 +195,9 @@ async def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
 
 async def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path) -> None:
     """Restoring communication ended when the plug was pulled, which is how such a device is switched off."""
-    async with house(tmp_path, rounds=1, times=SILENT, patience=1.0) as here:
-        desk = await here.add(f"{SOURCE}&dead_baud=921600&unplug_s=86400&away_s=1")
+    async with house_of(
+        f"{SOURCE}&dead_baud=921600&unplug_s=86400&away_s=1", tmp_path, rounds=1, times=SILENT, patience=1.0
+    ) as (here, desk):
         await over(await faster(here, desk))
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == "unreachable"
@@ -225,9 +220,10 @@ async def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_
     """Regression: only the first port was guarded; a host on the UART, whose rate alone changed, lost the device
     permanently.
     """
-    async with bench(port) as there, house(tmp_path, rollback_s=1.0) as here:
-        desk = await here.add(f"serial://{there.slave}?baud=115200")
-        await here.read(desk)
+    async with (
+        bench(port) as there,
+        house_of(f"serial://{there.slave}?baud=115200", tmp_path, is_read=True, rollback_s=1.0) as (here, desk),
+    ):
         change = {"PortConfig": {"words": [0x10002, 0x10000 | FAST, 0]}}
         task = desk.add("Write Ports", here.desks.jobs.apply(desk, change, ""))
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
@@ -252,8 +248,7 @@ async def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
         return (yield from is_alive(driver, known))
 
     monkeypatch.setattr(XbusDriver, "is_alive", late)
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?product=MTi-300&baud=921600&rate=20")
+    async with house_of("sim:xbus?product=MTi-300&baud=921600&rate=20", tmp_path) as (here, desk):
         jobs = here.desks.jobs
         await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
         assert desk.member.access.baud == 921_600
@@ -409,8 +404,7 @@ async def test_a_rollback_of_a_port_under_another_path_adds_it_once(tmp_path: Pa
 
 
 async def test_a_device_that_answers_is_no_longer_reported_unreachable(tmp_path: Path) -> None:
-    async with bench() as there, house(tmp_path) as here:
-        desk = await here.add(f"serial://{there.slave}?baud=115200")
+    async with bench() as there, house_of(f"serial://{there.slave}?baud=115200", tmp_path) as (here, desk):
         desk.pending_rollback = PendingRollback(desk.device, "unreachable", [], "gone")
         task = desk.add("Restore communication", here.desks.jobs.restore(desk))
         await until(lambda: is_called(desk), "it calls for a device that gets power")

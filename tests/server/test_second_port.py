@@ -12,7 +12,7 @@ from imuscope.server.links import LinkError, open_link
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device
 from imuscope.server.links.source_url import SourceUrl
 from tests.each_row import each_row
-from tests.server.control_harness import house, over
+from tests.server.control_harness import house_of, over
 from tests.waiting import until
 
 UART, FAST = "sim:xbus?product=MTi-680G&port=uart&baud=115200&rate=20", 0x10080
@@ -34,9 +34,7 @@ def test_the_host_is_on_the_port_that_the_source_names() -> None:
 
 @each_row(("words", "rate"), [([XBUS_115200, FAST, 0], 921_600), ([FAST, XBUS_115200, 0], 115_200)])
 async def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: list[int], rate: int) -> None:
-    async with house(tmp_path, rollback_s=60.0) as here:
-        desk = await here.add(UART)
-        await here.read(desk)
+    async with house_of(UART, tmp_path, is_read=True, rollback_s=60.0) as (here, desk):
         task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": words}}, ""))
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
         assert desk.member.access.baud == rate
@@ -48,9 +46,7 @@ async def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, wo
 
 
 async def test_changes_that_may_cut_the_line_need_confirmation_on_either_port(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add(UART)
-        await here.read(desk)
+    async with house_of(UART, tmp_path, is_read=True) as (_, desk):
         for place in (0, 1):
             for word in (0x00002, 0x50002, FAST, XBUS_115200 | 1 << 8):  # off, NMEA, another rate, flow control
                 words = [XBUS_115200, XBUS_115200, 0]

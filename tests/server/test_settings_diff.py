@@ -14,16 +14,14 @@ from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.form_builder import forms_of
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.errors import DomainError
-from tests.server.control_harness import house
+from tests.server.control_harness import house, house_of
 
 IMX = DeviceContext(product="IMX-5", serial_number="1", firmware="2.7.1.0")
 
 
 async def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> None:
     """Two readings of one device without a change between them have no differences."""
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:isb?rate=20")
-        await here.read(desk)
+    async with house_of("sim:isb?rate=20", tmp_path, is_read=True) as (here, desk):
         first = ComparedValues("First", desk.values)
         await asyncio.sleep(0.02)
         await here.read(desk)

@@ -11,7 +11,7 @@ from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.preview import load_of
 from tests.each_row import each_row
-from tests.server.control_harness import ControlHarness, house, outputs, over
+from tests.server.control_harness import ControlHarness, house_of, outputs, over
 from tests.waiting import until
 
 IMX, MTI = "sim:isb?rate=20", "sim:xbus?baud=921600&rate=20"
@@ -31,9 +31,7 @@ async def command(
 
 async def test_a_preset_of_streams_updates_the_form(tmp_path: Path) -> None:
     """Regression: six streams were on, but the form showed the replaced ones; a restart updated it."""
-    async with house(tmp_path) as here:
-        desk = await here.add(IMX)
-        await here.read(desk)
+    async with house_of(IMX, tmp_path, is_read=True) as (here, desk):
         before = dids(desk)
         await command(here, desk, "DID_RMC.INS", options=0)
         assert dids(desk) != before
@@ -44,9 +42,7 @@ async def test_a_preset_of_streams_updates_the_form(tmp_path: Path) -> None:
 
 
 async def test_factory_settings_update_every_form(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add(MTI)
-        await here.read(desk)
+    async with house_of(MTI, tmp_path, is_read=True) as (here, desk):
         assert (await here.apply(desk, {"LocationID": {"location_id": 7}})).state == "done"
         await command(here, desk, "RestoreFactoryDef")
         assert desk.values["LocationID"] == {"location_id": 0}
@@ -54,9 +50,7 @@ async def test_factory_settings_update_every_form(tmp_path: Path) -> None:
 
 async def test_values_changed_by_a_command_are_marked_stale_if_unreadable(tmp_path: Path) -> None:
     """After user-composed bytes, the setting that they write is unknown until it is read again."""
-    async with house(tmp_path) as here:
-        desk = await here.add(MTI)
-        await here.read(desk)
+    async with house_of(MTI, tmp_path, is_read=True) as (here, desk):
         frame = desk.driver.frame("SetLocationID", {"location_id": 9}, desk.context)
         job = await over(desk.add("Send 7 bytes", here.desks.jobs.raw(desk, frame)))
         assert job.state == "done"
@@ -73,9 +67,7 @@ async def test_values_changed_by_a_command_are_marked_stale_if_unreadable(tmp_pa
 
 
 async def test_a_new_navigation_period_updates_the_streams_form(tmp_path: Path) -> None:
-    async with house(tmp_path) as here:
-        desk = await here.add(IMX)
-        await here.read(desk)
+    async with house_of(IMX, tmp_path, is_read=True) as (here, desk):
         change = {"DID_FLASH_CONFIG": {"startupNavDtMs": 40, "startupImuDtMs": 40}}
         assert (await here.apply(desk, change)).state == "done"
         assert desk.values["DID_SYS_PARAMS"]["navOutputPeriodMs"] == 40
@@ -85,8 +77,7 @@ async def test_a_new_navigation_period_updates_the_streams_form(tmp_path: Path) 
 
 async def test_unread_outputs_are_not_treated_as_empty(tmp_path: Path) -> None:
     """Regression: the link budget was 0 B/s beside the measured rate."""
-    async with house(tmp_path) as here:
-        desk = await here.add(MTI)
+    async with house_of(MTI, tmp_path) as (here, desk):
         await over(desk.add("Read", here.desks.jobs.read(desk, ["LocationID"], "")))
         assert load_of(desk.present, desk.values, 921_600) is None
         merged = {**desk.values, "OutputConfiguration": outputs(100)}
@@ -139,9 +130,7 @@ async def test_a_silent_device_is_not_reported_unreachable(
     """Its link is open all the while, and it answers. Streams that are written make it speak again; a device that was
     sent to the config state stays there until it is sent back.
     """
-    async with house(tmp_path) as here:
-        desk = await here.add(source)
-        await here.read(desk)
+    async with house_of(source, tmp_path, is_read=True) as (here, desk):
         await command(here, desk, silence)
         await until(lambda: desk.member.info.status != "live", "it is silent")
         assert desk.member.info.is_open

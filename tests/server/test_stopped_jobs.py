@@ -10,7 +10,7 @@ import pytest
 
 from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
-from tests.server.control_harness import house
+from tests.server.control_harness import house, house_of
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
@@ -98,8 +98,7 @@ async def test_a_job_that_is_stopped_before_it_writes_leaves_nothing_to_roll_bac
         written.set()
 
     monkeypatch.setattr(RollbackStore, "save", slow)
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus")
+    async with house_of("sim:xbus", tmp_path) as (here, desk):
         task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 7}}, ""))
         await until(begun.is_set, "it is being stored")
         stopping = asyncio.create_task(desk.drop(task.job.id))

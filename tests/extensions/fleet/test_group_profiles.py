@@ -28,7 +28,7 @@ from imuscope.server.extensions.fleet.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.reports import ReportError, RobotDevice
 from tests.extensions.fleet.compared_robots import PRODUCT, robot, settings_at
 from tests.free_ports import free_port
-from tests.server.control_harness import house, outputs
+from tests.server.control_harness import house_of, outputs
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, get
 from tests.waiting import block_until
@@ -194,9 +194,7 @@ def test_from_a_simulated_sensor_to_the_answer(tmp_path: Path) -> None:
 
 async def test_a_write_is_reported_even_if_a_report_is_made_in_the_middle_of_it(tmp_path: Path) -> None:
     """A write once changed values that a report had kept to compare them, so that none ever told of it."""
-    async with house(tmp_path) as here:
-        desk = await here.add("sim:xbus?product=MTi-630")
-        await here.read(desk)
+    async with house_of("sim:xbus?product=MTi-630", tmp_path, is_read=True) as (here, desk):
         known, device = (
             KnownSettings(tmp_path / "fleet", here.desks.get),
             RobotDevice(desk.device, "MTi", "live"),
