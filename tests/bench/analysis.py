@@ -14,20 +14,16 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.server.extensions.analysis.companions import Companions  # noqa: E402
-from imuscope.server.extensions.analysis.registry import analysis_named  # noqa: E402
-from imuscope.server.extensions.analysis.report import figures_of, in_parallel  # noqa: E402
-from imuscope.server.extensions.analysis.signals import Signal  # noqa: E402
-from imuscope.server.extensions.analysis.triads import Samples  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from imuscope.server.extensions.analysis.companions import Companions
+from imuscope.server.extensions.analysis.registry import analysis_named
+from imuscope.server.extensions.analysis.report import figures_of, in_parallel
+from imuscope.server.extensions.analysis.signals import Signal
+from imuscope.server.extensions.analysis.triads import Samples
+from tests.bench.report import report
 
 RATE = 1000.0
 AXES = 6

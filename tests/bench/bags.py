@@ -22,12 +22,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests.bench.library import RATE_HZ, START_NS, TYPE, with_imuscope  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.recordings.readers.bags import imu  # noqa: E402
+from tests.bench.library import RATE_HZ, START_NS, TYPE, with_imuscope
+from tests.bench.report import options_of, report
+from tests.recordings.readers.bags import imu
 
 STORES = {"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}
 

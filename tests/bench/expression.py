@@ -10,20 +10,16 @@ Budget (2 cores): ≥ 20 million samples a second of a signal.
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.server.extensions.analysis.expression_functions import Context  # noqa: E402
-from imuscope.server.extensions.analysis.expression_syntax import parse  # noqa: E402
-from imuscope.server.extensions.analysis.expressions import evaluate  # noqa: E402
-from imuscope.server.extensions.analysis.quantities import Quantity  # noqa: E402
-from imuscope.server.extensions.analysis.units import Unit  # noqa: E402
-from tests.bench.analysis import RATE, best_s  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from imuscope.server.extensions.analysis.expression_functions import Context
+from imuscope.server.extensions.analysis.expression_syntax import parse
+from imuscope.server.extensions.analysis.expressions import evaluate
+from imuscope.server.extensions.analysis.quantities import Quantity
+from imuscope.server.extensions.analysis.units import Unit
+from tests.bench.analysis import RATE, best_s
+from tests.bench.report import report
 
 TEXTS = {
     "comparison": "Acc.x * 2 + 1 m/s² > 3 g",

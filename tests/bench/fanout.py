@@ -25,15 +25,12 @@ from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.server.wire import HEADER  # noqa: E402
-from tests.bench.report import options_of, percentile, report  # noqa: E402
-from tests.bench.serial_device import Feed, must_be_live  # noqa: E402
-from tests.load_clients import Good  # noqa: E402
-from tests.processes import seconds_of  # noqa: E402
-from tests.server_process import ServerProcess, tied  # noqa: E402
+from imuscope.server.wire import HEADER
+from tests.bench.report import options_of, percentile, report
+from tests.bench.serial_device import Feed, must_be_live
+from tests.load_clients import Good
+from tests.processes import seconds_of
+from tests.server_process import ROOT, ServerProcess, tied
 
 SETTLE_S = 3.0
 

@@ -30,17 +30,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests import chromium  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.bench.ten_panels import processor_time  # noqa: E402
-from tests.server_process import tied  # noqa: E402
+from tests import chromium
+from tests.bench.report import options_of, report
+from tests.bench.ten_panels import processor_time
+from tests.server_process import ROOT, tied
 
 WIDE, PHONE = (1440, 900), (390, 844)
 FRAMES = """async seconds => {

@@ -38,18 +38,16 @@ import pyarrow as pa
 import pyarrow.dataset as ds
 from deltalake import write_deltalake
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.protocols.xbus.simulator.device import XbusSimulator  # noqa: E402
-from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
-from imuscope.server.devices.decode_options import DecodeOptions  # noqa: E402
-from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS  # noqa: E402
-from imuscope.server.extensions.fleet.query import run_query  # noqa: E402
-from imuscope.server.extensions.fleet.store import location  # noqa: E402
-from imuscope.server.extensions.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable  # noqa: E402
-from imuscope.server.extensions.fleet.upload import upload  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
+from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
+from imuscope.server.extensions.fleet.query import run_query
+from imuscope.server.extensions.fleet.store import location
+from imuscope.server.extensions.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable
+from imuscope.server.extensions.fleet.upload import upload
+from tests.bench.report import options_of, report
+from tests.server_process import ROOT
 
 DAYS, MONTH = 365, 31
 START = dt.date(2025, 1, 1)

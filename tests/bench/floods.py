@@ -20,14 +20,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests.bench.flood_latency import WITHIN_S, FloodLatency, lateness_s  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.fault_injection.beside import Watched, watched  # noqa: E402
-from tests.fault_injection.floods import FLOODS  # noqa: E402
-from tests.processes import resident_mb  # noqa: E402
+from tests.bench.flood_latency import WITHIN_S, FloodLatency, lateness_s
+from tests.bench.report import options_of, report
+from tests.fault_injection.beside import Watched, watched
+from tests.fault_injection.floods import FLOODS
+from tests.processes import resident_mb
 
 
 def lasting(seconds: float) -> Callable[[], bool]:

@@ -17,15 +17,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests import chromium  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
+from tests import chromium
+from tests.bench.report import options_of, report
+from tests.server_process import ROOT
 
 YARDSTICK = """async () => {
   const [charts, series, points, frames] = [6, 3, 100_000, 40];

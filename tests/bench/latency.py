@@ -29,13 +29,10 @@ from typing import Any
 
 from playwright.sync_api import Browser, Worker, sync_playwright
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests import chromium  # noqa: E402
-from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.report import options_of, percentile, report  # noqa: E402
-from tests.server_process import ServerProcess, tied  # noqa: E402
+from tests import chromium
+from tests.bench import serial_device as feeding
+from tests.bench.report import options_of, percentile, report
+from tests.server_process import ROOT, ServerProcess, tied
 
 SETTLE_S = 4.0
 

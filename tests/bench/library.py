@@ -19,12 +19,9 @@ import pyarrow as pa
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-import imuscope  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.recordings.readers.bags import imu  # noqa: E402
+import imuscope
+from tests.bench.report import options_of, report
+from tests.recordings.readers.bags import imu
 
 RATE_HZ = 1000
 START_NS = 1_700_000_000_000_000_000

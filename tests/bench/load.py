@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -33,16 +32,13 @@ from typing import Any
 
 import httpx
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
-from tests import load_clients  # noqa: E402
-from tests.bench.memory import Memory  # noqa: E402
-from tests.bench.report import options_of, percentile, report, status_of  # noqa: E402
-from tests.bench.serial_devices import Speakers, frames, heard_in, is_whole, numbered  # noqa: E402
-from tests.processes import seconds_of  # noqa: E402
-from tests.server_process import ServerProcess  # noqa: E402
+from imuscope.recordings.mcap_writer import McapWriter
+from tests import load_clients
+from tests.bench.memory import Memory
+from tests.bench.report import options_of, percentile, report, status_of
+from tests.bench.serial_devices import Speakers, frames, heard_in, is_whole, numbered
+from tests.processes import seconds_of
+from tests.server_process import ServerProcess
 
 EARLIER, EARLIER_S = "20260101T000000Z-earlier", 60  # the recording that is exported
 SETTLE_S = 8.0

@@ -25,15 +25,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
+from mcap.writer import Writer
 
-from mcap.writer import Writer  # noqa: E402
-
-from imuscope.recordings.compaction import compact  # noqa: E402
-from imuscope.recordings.mcap_reader import McapReader  # noqa: E402
-from imuscope.recordings.mcap_writer import McapWriter  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from imuscope.recordings.compaction import compact
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap_writer import McapWriter
+from tests.bench.report import report
 
 CHUNK, RUN, CHUNKS, SURVIVORS_OF, ROUNDS = bytes(range(80)), 8, 200_000, 20_000, 5
 START = 1_760_000_000_000_000_000

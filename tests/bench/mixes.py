@@ -11,18 +11,15 @@ xbus-capture  the whole of a real MTi's capture, where ../shared/captures is the
 from __future__ import annotations
 
 import random
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.protocols.isb.dataset_loader import SETS  # noqa: E402
-from tests.bench import idtp_mixed, isb_mixed  # noqa: E402
-from tests.bench.decode import measure  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
+from imuscope.protocols.isb.dataset_loader import SETS
+from tests.bench import idtp_mixed, isb_mixed
+from tests.bench.decode import measure
+from tests.bench.report import options_of, report
+from tests.server_process import ROOT
 
 CAPTURE = ROOT.parent / "shared" / "captures" / "xbus" / "mti_100hz_49s.bin"
 GOALS = {"isb-sizes": 0.30, "isb": 0.30, "idtp": 0.25, "xbus-capture": 0.30}

@@ -31,10 +31,7 @@ from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests.bench.report import percentile, report  # noqa: E402
+from tests.bench.report import percentile, report
 
 RATE, CHUNK_FRAMES = 1000, 8
 START = 1_760_000_000_000_000_000

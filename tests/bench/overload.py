@@ -25,14 +25,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests.bench.load import Api  # noqa: E402
-from tests.bench.report import options_of, percentile, report, status_of  # noqa: E402
-from tests.bench.serial_devices import Speakers, heard_in, is_whole  # noqa: E402
-from tests.load_clients import Good  # noqa: E402
-from tests.server_process import ServerProcess  # noqa: E402
+from tests.bench.load import Api
+from tests.bench.report import options_of, percentile, report, status_of
+from tests.bench.serial_devices import Speakers, heard_in, is_whole
+from tests.load_clients import Good
+from tests.server_process import ServerProcess
 
 BEFORE_S, AFTER_S = 10.0, 20.0
 TOLD_S, LATE_S = 0.5, 1.0

@@ -18,20 +18,16 @@ from __future__ import annotations
 import os
 import signal
 import statistics
-import sys
 import tempfile
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.bench.tcp_device import TcpDevice  # noqa: E402
-from tests.processes import seconds_of  # noqa: E402
-from tests.server.recorder_harness import chunks, flowing, recorded  # noqa: E402
-from tests.server_process import ServerProcess  # noqa: E402
+from tests.bench import serial_device as feeding
+from tests.bench.report import options_of, report
+from tests.bench.tcp_device import TcpDevice
+from tests.processes import seconds_of
+from tests.server.recorder_harness import chunks, flowing, recorded
+from tests.server_process import ServerProcess
 
 SETTLE_S = 3.0
 PAUSE_S = 0.5

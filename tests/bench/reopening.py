@@ -31,14 +31,11 @@ from typing import Any
 
 from playwright.sync_api import CDPSession, Page, sync_playwright
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests import chromium  # noqa: E402
-from tests.bench.opening import make  # noqa: E402
-from tests.bench.report import options_of, percentile, report  # noqa: E402
-from tests.processes import seconds_of  # noqa: E402
-from tests.server_process import ServerProcess  # noqa: E402
+from tests import chromium
+from tests.bench.opening import make
+from tests.bench.report import options_of, percentile, report
+from tests.processes import seconds_of
+from tests.server_process import ServerProcess
 
 NAME = "hour"
 

@@ -29,11 +29,8 @@ from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests.bench.opening import make  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.opening import make
+from tests.bench.report import report
 
 ATTEMPTS = 120
 LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.includes('.rrd'))?.responseEnd ?? 0"

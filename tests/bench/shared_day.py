@@ -28,16 +28,14 @@ import time
 from collections import Counter
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.server.extensions.shares.holder.messages import MessageKind, MessageReader  # noqa: E402
-from imuscope.server.extensions.shares.holder.settings import HolderSettings  # noqa: E402
-from imuscope.server.extensions.shares.holder.shares import ShareAddress  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.bench.shared_port import Terminal  # noqa: E402
-from tests.free_ports import free_port  # noqa: E402
-from tests.processes import resident_mb, seconds_of  # noqa: E402
+from imuscope.server.extensions.shares.holder.messages import MessageKind, MessageReader
+from imuscope.server.extensions.shares.holder.settings import HolderSettings
+from imuscope.server.extensions.shares.holder.shares import ShareAddress
+from tests.bench.report import options_of, report
+from tests.bench.shared_port import Terminal
+from tests.free_ports import free_port
+from tests.processes import resident_mb, seconds_of
+from tests.server_process import ROOT
 
 FRAME = struct.Struct("<IQ48x")  # a mark, and a number
 MARK = 0x5AA5C33C

@@ -21,7 +21,6 @@ import shutil
 import socket
 import struct
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -30,13 +29,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.server.extensions.shares.holder.settings import HolderSettings  # noqa: E402
-from imuscope.server.extensions.shares.holder.shares import ShareAddress  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.processes import resident_mb, seconds_of  # noqa: E402
+from imuscope.server.extensions.shares.holder.settings import HolderSettings
+from imuscope.server.extensions.shares.holder.shares import ShareAddress
+from tests.bench.report import options_of, report
+from tests.processes import resident_mb, seconds_of
+from tests.server_process import ROOT
 
 SIZE = 60  # bytes of a frame
 STAMP = struct.Struct("<q")

@@ -34,11 +34,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests.bench import small_computer_parts as parts  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
+from tests.bench import small_computer_parts as parts
+from tests.bench.report import options_of, report
 
 PARTS: dict[str, Callable[[parts.Place, float], dict[str, Any]]] = {
     "idle": parts.idle,

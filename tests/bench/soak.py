@@ -30,18 +30,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from imuscope.server.config import Config  # noqa: E402
-from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
-from tests import load_clients  # noqa: E402
-from tests.bench.memory import curve  # noqa: E402
-from tests.bench.report import options_of, report, status_of  # noqa: E402
-from tests.bench.serial_devices import frames, numbered  # noqa: E402
-from tests.checking.machine import descendants  # noqa: E402
-from tests.processes import resident_mb, seconds_of  # noqa: E402
-from tests.server_process import tied  # noqa: E402
+from imuscope.server.config import Config
+from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from tests import load_clients
+from tests.bench.memory import curve
+from tests.bench.report import options_of, report, status_of
+from tests.bench.serial_devices import frames, numbered
+from tests.checking.machine import descendants
+from tests.processes import resident_mb, seconds_of
+from tests.server_process import ROOT, tied
 
 RATE = 2000
 CHUNKS_PER_S = 50  # 20 ms each: what a USB adapter with its timer as delivered makes of a stream

@@ -21,12 +21,9 @@ from typing import Any
 
 from playwright.sync_api import Browser, sync_playwright
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests import chromium  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.server_process import ServerProcess  # noqa: E402
+from tests import chromium
+from tests.bench.report import options_of, report
+from tests.server_process import ServerProcess
 
 USABLE = "window.imuscope?.store.channels.value.some(channel => channel.ring.length > 10)"
 

@@ -26,13 +26,10 @@ from urllib.parse import quote
 
 from playwright.sync_api import Page, sync_playwright
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests import chromium  # noqa: E402
-from tests.bench.opening import make  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
-from tests.server_process import ServerProcess  # noqa: E402
+from tests import chromium
+from tests.bench.opening import make
+from tests.bench.report import options_of, report
+from tests.server_process import ServerProcess
 
 PANELS = ("xy", "histogram", "spectrum", "notes")
 LAYOUT = {"layout": {"panels": {name: {"shown": True} for name in PANELS}}}

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import sys
 import tempfile
 import time
 from contextlib import AsyncExitStack
@@ -26,15 +25,12 @@ from typing import Any
 
 import httpx
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from tests.bench import serial_device as feeding  # noqa: E402
-from tests.bench.report import options_of, percentile, report  # noqa: E402
-from tests.forked_workers import workers_of  # noqa: E402
-from tests.processes import seconds_of  # noqa: E402
-from tests.server_process import ServerProcess  # noqa: E402
-from tests.viser_client import looking, turns  # noqa: E402
+from tests.bench import serial_device as feeding
+from tests.bench.report import options_of, percentile, report
+from tests.forked_workers import workers_of
+from tests.processes import seconds_of
+from tests.server_process import ServerProcess
+from tests.viser_client import looking, turns
 
 RATE = 2000.0
 SETTLE_S = 3.0
