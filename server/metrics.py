@@ -108,7 +108,7 @@ def _links(page: PrometheusText, sessions: list[Session], now: float) -> None:
     words = "Bytes dropped because decoding could not keep up; a recording has them."
     page.family("imuscope_link_left_out_bytes_total", "counter", words)
     for session in sessions:
-        page.add(session.listeners.left_out, device=session.info.id)
+        page.add(session.access.link.flow.dropped, device=session.info.id)
     page.family("imuscope_link_capacity_bytes_per_second", "gauge", "Capacity of a link, if known.")
     for health in first:
         page.add(health.capacity, device=health.device)

@@ -29,12 +29,13 @@ from imuscope.server.devices import protocol_set
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.session import Session
+from imuscope.server.devices.session_listeners import Direction
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.end_signals import end_signals, ending_by_exception
 from imuscope.server.errors import UsageError
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.links import open_link
-from imuscope.server.links.base import LinkSettings, steady_clock
+from imuscope.server.links.base import Chunk, LinkSettings, steady_clock
 from imuscope.server.printable import printable
 from imuscope.server.streaming.telemetry import Telemetry
 
@@ -52,11 +53,11 @@ class RecordStatus:
     last_ns: int = 0
     is_over: bool = False
 
-    def update(self, data: bytes, time_ns: int, way: str) -> None:
+    def update(self, chunks: Sequence[Chunk], way: Direction) -> None:
         if way == "rx" and not self.is_over:
-            self.first_ns = self.first_ns or time_ns
-            self.last_ns = time_ns
-            self.size += len(data)
+            self.first_ns = self.first_ns or chunks[0].arrival_ns
+            self.last_ns = chunks[-1].arrival_ns
+            self.size += sum(len(chunk.data) for chunk in chunks)
 
     @property
     def seconds(self) -> float:

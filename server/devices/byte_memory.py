@@ -309,7 +309,7 @@ class ByteMemory:
         """Store the bytes of a session from now on, until it is closed."""
         device = session.info.id
         link = self._links[device] = LinkMemory(self._trim, self._history_s)
-        off = session.listeners.chunk_batches(link.append)
+        off = session.listeners.chunks(link.append)
 
         async def removed() -> None:
             off()

@@ -75,7 +75,7 @@ class LinkAccess:
             self._link.expect_reply()
             written_ns = await self._link.write(data)
             written_ns = began_ns if written_ns is None else written_ns
-            self._listeners.note_sent(data, written_ns)
+            self._listeners.sent.call(data, written_ns)
             return written_ns
 
     async def reopen(self, baud: int | None = None) -> None:

@@ -21,27 +21,17 @@ class SessionListeners:
 
     Args:
         flow: the flow of its link.
+
+    Attributes:
+        sent: called with all data sent to the device, and when, ns since the Unix epoch.
     """
 
     def __init__(self, flow: Flow) -> None:
         self._flow = flow
         self._events: dict[str, CallbackList[[Event]]] = {"": CallbackList()}  # by the sender's name in the stream
-        self._sent: CallbackList[[bytes, int]] = CallbackList()
+        self.sent: CallbackList[[bytes, int]] = CallbackList()
         self.turn = asyncio.Lock()  # held while a device is configured: one at a time on a link
         self._closing: list[Callable[[], Awaitable[None]]] = []
-
-    @property
-    def left_out(self) -> int:
-        """Bytes dropped so far because they arrived faster than they could be decoded; a recording has them."""
-        return self._flow.dropped
-
-    def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
-        """Call `callback(data, time)` with all sent data; returns a function that removes it."""
-        return self._sent.add(callback)
-
-    def note_sent(self, data: bytes, time_ns: int) -> None:
-        """Pass bytes that another client of a shared port sent to the device to the listeners."""
-        self._sent.call(data, time_ns)
 
     def listen(self, callback: Callable[[Event], None], sender: str = "") -> Callable[[], None]:
         """Call `callback` with every event of one device, in the decoder's order; returns a function that removes it.
@@ -52,20 +42,11 @@ class SessionListeners:
         """
         return self._events.setdefault(sender, CallbackList()).add(callback)
 
-    def chunks(self, callback: Callable[[bytes, int, Direction], None]) -> Callable[[], None]:
-        """Call `callback(data, time, direction)` once with every chunk that was received ("rx", in the link's reading
-        thread) or sent ("tx"); time in ns since the Unix epoch. Returns a function that removes it.
+    def chunks(self, callback: Callable[[Sequence[Chunk], Direction], None]) -> Callable[[], None]:
+        """Call `callback(chunks, direction)` once with every chunk, received ("rx", in the reading thread) or sent
+        ("tx"), those that came together at once. Returns a function that removes it.
         """
-
-        def each(chunks: Sequence[Chunk], direction: Direction) -> None:
-            for chunk in chunks:
-                callback(chunk.data, chunk.arrival_ns, direction)
-
-        return self.chunk_batches(each)
-
-    def chunk_batches(self, callback: Callable[[Sequence[Chunk], Direction], None]) -> Callable[[], None]:
-        """As `chunks`, with all chunks that were received together at once."""
-        off_sent = self._sent.add(lambda data, time_ns: callback((Chunk(data, time_ns),), "tx"))
+        off_sent = self.sent.add(lambda data, time_ns: callback((Chunk(data, time_ns),), "tx"))
         off_came = self._flow.arrivals.add(lambda chunks: callback(chunks, "rx"))
 
         def off() -> None:

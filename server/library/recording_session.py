@@ -150,7 +150,7 @@ class RecordingSession:
 
         link = self._memory.of(device) if self._memory is not None and with_past else None
         if link is None:
-            self._unsubscribe_traffic[device] = session.listeners.chunk_batches(take)
+            self._unsubscribe_traffic[device] = session.listeners.chunks(take)
         else:
             follower = link.follow(write, round(self._since * 1e9))
             self._pasts.append((follower, lambda received, way: write(received, way, late=True)))

@@ -33,7 +33,7 @@ class FaultHarness:
         )
         self.heard: list[bytes] = []
         self.session: Session = self.sessions.add(source)
-        self.session.listeners.chunks(lambda data, time_ns, way: self.heard.append(data) if way == "rx" else None)
+        self.session.listeners.chunks(lambda came, way: self.heard.extend(one.data for one in came if way == "rx"))
         self.sessions.start()
 
     @property

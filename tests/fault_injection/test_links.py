@@ -95,7 +95,7 @@ async def test_a_hub_is_reset_with_all_its_ports(tmp_path: Path) -> None:
             heard: list[list[bytes]] = [[] for _ in sessions]
 
             def listen(session: Session, chunks: list[bytes]) -> None:
-                session.listeners.chunks(lambda data, time_ns, way: chunks.append(data) if way == "rx" else None)
+                session.listeners.chunks(lambda came, way: chunks.extend(one.data for one in came if way == "rx"))
 
             def are(status: str) -> Callable[[], bool]:
                 return lambda: all(one.info.status == status for one in sessions)

@@ -46,7 +46,7 @@ async def result(chunks: list[Chunk], groups: list[int]) -> dict[str, Any]:
     link = GatheredLink(LinkSettings(now_ns=clock.now_ns))
     heard: list[tuple[bytes, int, str]] = []
     session = Session("1", link, telemetry.bus, all_protocols(), DecodeOptions("xbus"))
-    session.listeners.chunks(lambda data, time_ns, way: heard.append((data, time_ns, way)))
+    session.listeners.chunks(lambda came, way: heard.extend((one.data, one.arrival_ns, way) for one in came))
     session.start()
     await asyncio.sleep(0)
     await asyncio.sleep(0)

@@ -135,7 +135,7 @@ class FakeSession:
         self.take: Any = None
         self.last: Any = None
 
-    def chunk_batches(self, take: Any) -> Any:
+    def chunks(self, take: Any) -> Any:
         self.take = take
         return lambda: setattr(self, "take", None)
 
@@ -203,7 +203,7 @@ def test_what_is_in_memory_becomes_the_recording_that_was_not_made(
         send(running, links, "/dev/one", sample(n))
     send(running, links, "/dev/two", b"other")
     session = running.services.sessions.get("1")
-    running.call(lambda: session.listeners.note_sent(b"request", links["/dev/one"].settings.now_ns()))
+    running.call(lambda: session.listeners.sent.call(b"request", links["/dev/one"].settings.now_ns()))
     running.client.post("/api/recordings/mark", json={"text": "bump", "device": "1"})
     settled(running)
     block_until(lambda: running.client.get("/api/devices").json()[0]["protocol"], "its protocol is known")

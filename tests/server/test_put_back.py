@@ -89,7 +89,7 @@ async def test_what_was_stored_of_several_devices_of_a_link_is_sent_and_forgotte
     async with measuring(tmp_path, sample_s=0.1) as (_, here, desk):
         source = desk.member.info.source
         written: list[bytes] = []
-        desk.member.listeners.on_sent(lambda data, time_ns: written.append(data))
+        desk.member.listeners.sent.add(lambda data, time_ns: written.append(data))
         await desk.member.access.send(GO_TO_CONFIG)
         await until(lambda: desk.state == "Config", "as the kill left it")
         here.desks.put_back.keep(source, "", [REQ_DID])
@@ -208,7 +208,7 @@ async def test_a_device_whose_link_broke_measures_again_when_the_link_is_back(tm
 async def test_a_device_that_measures_by_itself_again_is_sent_nothing(tmp_path: Path) -> None:
     async with measuring(tmp_path, sample_s=PATIENCE_S) as (there, here, desk):
         written: list[bytes] = []
-        desk.member.listeners.on_sent(lambda data, time_ns: written.append(data))
+        desk.member.listeners.sent.add(lambda data, time_ns: written.append(data))
         cut_at(desk, "GoToConfigAck", there.cycle)  # its adapter feeds it
         assert (await here.read(desk)).state == "failed"
         await until(lambda: reported(here, IS_BACK), "it is back")

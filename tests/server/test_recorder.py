@@ -272,7 +272,7 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
     async with recorder(tmp_path, plan) as (made, one):
         desk = await made.add("sim:xbus?rate=400")
         heard: list[bytes] = []
-        desk.member.listeners.chunks(lambda data, time_ns, way: heard.append(data) if way == "rx" else None)
+        desk.member.listeners.chunks(lambda came, way: heard.extend(one.data for one in came if way == "rx"))
         await one.start()
 
         def parts() -> list[Path]:

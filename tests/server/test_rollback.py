@@ -143,7 +143,7 @@ def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypat
 
     async def check() -> None:
         async with house_of(SOURCE, tmp_path, rollback_s=1.0) as (here, desk):
-            desk.member.listeners.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
+            desk.member.listeners.sent.add(lambda data, time: steps.append(f"sent {data[2]:02x}"))
             await over(await faster(here, desk))
 
     asyncio.run(check())

@@ -360,9 +360,9 @@ async def test_received_and_sent_bytes_reach_listeners() -> None:
         sent: list[tuple[bytes, int]] = []
         session, link = stage.session, stage.link
         offs = [
-            session.listeners.chunks(lambda *chunk: chunks.append(chunk)),
+            session.listeners.chunks(lambda came, way: chunks.extend((one.data, one.arrival_ns, way) for one in came)),
             session.listeners.listen(events.append),
-            session.listeners.on_sent(lambda data, time: sent.append((data, time))),
+            session.listeners.sent.add(lambda data, time: sent.append((data, time))),
         ]
         await stage.send(sample(0), sample(1) + b"?", b"W")
         link.listens = True

@@ -47,7 +47,7 @@ async def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Pat
     async with house(tmp_path) as here:
         desks = await both(here)
         sent: list[bytes] = []
-        desks[0].member.listeners.on_sent(lambda data, time: sent.append(data))
+        desks[0].member.listeners.sent.add(lambda data, time: sent.append(data))
         assert {int(desk.context.device) for desk in desks} == {1, 2}
         for place, desk in enumerate(desks):
             job = await here.read(desk)
@@ -72,7 +72,7 @@ async def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
     async with house(tmp_path) as here:
         desks = await both(here)
         sent: list[int] = []
-        desks[0].member.listeners.on_sent(lambda data, time: sent.append(data[1]))
+        desks[0].member.listeners.sent.add(lambda data, time: sent.append(data[1]))
         tasks = [desk.add("Read", here.desks.jobs.read(desk, None, "")) for desk in desks]
         jobs = [await over(task) for task in tasks]
         assert [job.state for job in jobs] == ["done", "done"]

@@ -197,7 +197,7 @@ class PortShares:
         return task
 
     def _on_client_data(self, session: Session, link: SharedPortLink, sent: ClientData) -> None:
-        session.listeners.note_sent(sent.data, sent.arrival_ns)
+        session.listeners.sent.call(sent.data, sent.arrival_ns)
         device = session.info.id
         try:
             controller = self._controllers.get(device)

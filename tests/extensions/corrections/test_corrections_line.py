@@ -20,7 +20,7 @@ async def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path
         for desk in (first, further):
             assert (await here.read(desk)).state == "done"
         sent: list[bytes] = []
-        first.member.listeners.on_sent(lambda data, time: sent.append(data))
+        first.member.listeners.sent.add(lambda data, time: sent.append(data))
         heard: list[tuple[DeviceController, str]] = []
         for desk in (first, further):
             desk.member.listen(
