@@ -228,21 +228,13 @@ def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: s
         wire = {part.name: part.default for part in field.fields if part.default is not None}
         defaults = to_shown(field.fields, wire)
         rows.append(defaults if field.fields else 0)
-    if not field.fields:
-        if rest[1:]:
-            raise ComposeError(f"{path}: {field.name}.{place} has no parts")
-        rows[place] = value_of(text, _one(field), path)
-        return
+    if rest[1:] and not field.fields:
+        raise ComposeError(f"{path}: {field.name}.{place} has no parts")
     if not rest[1:]:
-        rows[place] = value_of(text, _one(field), path)
+        rows[place] = value_of(text, replace(field, shape=()), path)
         return
     part, deeper = _match(".".join(rest[1:]), field.fields)
     _put(rows[place], part.name, part, deeper, path, text)
-
-
-def _one(field: Field) -> Field:
-    """One element of a list."""
-    return replace(field, shape=())
 
 
 def value_of(text: str, field: Field, path: str) -> Any:

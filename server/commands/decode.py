@@ -213,11 +213,7 @@ def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> Expo
     if part.device and part.device not in devices:
         listed = ", ".join(f"{one} ({name})" for one, name in devices.items())
         raise UsageError(f"{path.name} has no device {part.device!r}; it has: {listed}")
-    start = manifest["started"] or 0.0
-    t0 = start + part.begin_s if part.begin_s else -math.inf
-    t1 = math.inf if part.end_s is None else start + part.end_s
-    if not t0 < t1 or part.begin_s < 0 or (manifest["ended"] is not None and t0 > manifest["ended"]):
-        raise UsageError(f"{path.name} lasts {(manifest['ended'] or start) - start:.3f} s; that range is empty")
+    t0, t1 = time_range_of(columns, path.name, part.begin_s, part.end_s)
     if not part.channels:
         return ExportRequest(columns, path, path.name, t0, t1, device=part.device)
     kinds = [*manifest["channels"], *manifest.get("payloads", ())]
@@ -228,3 +224,20 @@ def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> Expo
             raise UsageError(f"{path.name} has no channel {name!r}; nearest are: {', '.join(near)}")
     chosen = tuple(one["id"] for one in kinds if {one["name"], one["message"]} & set(part.channels))
     return ExportRequest(columns, path, path.name, t0, t1, chosen, part.device)
+
+
+def time_range_of(store: ColumnStore, name: str, begin_s: float, end_s: float | None) -> tuple[float, float]:
+    """First and last time of a part, unix s; infinite without a limit.
+
+    Args:
+        begin_s, end_s: seconds from the beginning of the file.
+
+    Raises:
+        UsageError: the part is empty.
+    """
+    begin, end = store.manifest["started"] or 0.0, store.manifest["ended"]
+    t0 = begin + begin_s if begin_s else -math.inf
+    t1 = math.inf if end_s is None else begin + end_s
+    if not t0 < t1 or begin_s < 0 or (end is not None and t0 > end):
+        raise UsageError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
+    return t0, t1

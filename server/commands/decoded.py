@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
@@ -49,20 +48,3 @@ def decoded(path: Path, reading: DecodeOptions, notes: TextIO, *, of_device: boo
         raise UsageError(f"{path}: {(error.strerror or 'it cannot be read').lower()}") from None
     finally:
         bar.clear()
-
-
-def time_range_of(store: ColumnStore, name: str, begin_s: float, end_s: float | None) -> tuple[float, float]:
-    """First and last time of a part, unix s; infinite without a limit.
-
-    Args:
-        begin_s, end_s: seconds from the beginning of the file.
-
-    Raises:
-        UsageError: the part is empty.
-    """
-    begin, end = store.manifest["started"] or 0.0, store.manifest["ended"]
-    t0 = begin + begin_s if begin_s else -math.inf
-    t1 = math.inf if end_s is None else begin + end_s
-    if not t0 < t1 or begin_s < 0 or (end is not None and t0 > end):
-        raise UsageError(f"{name} lasts {(end or begin) - begin:.3f} s; that range is empty")
-    return t0, t1

@@ -37,14 +37,8 @@ class LinkStatistics:
         self.latency = Histogram(LATENCIES_S)  # s
         self._waiting_since: float | None = None
 
-    def count_bytes(self, size: int, arrival: float) -> None:
-        self.bytes.add(size, arrival)
-        self.last_arrival = arrival
-        if self._waiting_since is None:
-            self._waiting_since = arrival
-
     def count_chunks(self, sizes: Sequence[int], arrivals: Sequence[float]) -> None:
-        """As `count_bytes` for each chunk, at least one, in order."""
+        """Count received chunks, at least one, in order."""
         self.bytes.add_all(sizes, arrivals)
         self.last_arrival = arrivals[-1]
         if self._waiting_since is None:

@@ -197,7 +197,7 @@ class _Device:
                 self._drained = last
                 self._drain(reader)
             first = past
-        self.devices.own.stats.count_bytes(len(part.data), self._sink.time)
+        self.devices.own.stats.count_chunks([len(part.data)], [self._sink.time])
         self._sink.health_history.add(self.state.info.id, part.ends, part.times)
 
     def _drain(self, reader: LinkDecoder) -> None:

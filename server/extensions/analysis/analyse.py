@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 from imuscope.protocols.plural import counted
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.server.commands.decoded import time_range_of
+from imuscope.server.commands.decode import time_range_of
 from imuscope.server.errors import UsageError
 from imuscope.server.extensions.analysis.registry import FiguresOfSignal, analysis_named
 from imuscope.server.extensions.analysis.report import Figures, figures_of, in_parallel
