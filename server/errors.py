@@ -102,6 +102,12 @@ class DomainError(ExplainedError):
         self.kind = kind
 
 
+def unknown_device(device: str) -> DomainError:
+    """The refusal of a request that names no device."""
+    hint = "It may have been removed; choose one of the list."
+    return DomainError("not-found", f"Device {device:.40} not found.", hint)
+
+
 def status_of(kind: str) -> int:
     """HTTP status of an error kind."""
     return KINDS[kind].status

@@ -16,7 +16,7 @@ from fastapi import Depends, Query, Response
 from imuscope.protocols.transactions import Risk
 from imuscope.server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import responses, unknown_device
+from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.configuration.api_models import ApplyRequest, RawRequest, ReadRequest, RunRequest
 from imuscope.server.configuration.change_plan import (
@@ -31,7 +31,7 @@ from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.products import mismatch
 from imuscope.server.configuration.sensor_check import doubts, sensor_of
 from imuscope.server.configuration.value_format import numbers
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import DomainError, unknown_device
 from imuscope.server.wire import DeviceHealth
 
 router = lazy_router(prefix="/api/devices/{device}", tags=["control"])

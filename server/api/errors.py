@@ -43,11 +43,6 @@ def recording_errors(recording: str, kind: str = "cannot-open") -> Iterator[None
         raise DomainError(kind, error.message, error.hint) from None
 
 
-def unknown_device(device: str) -> DomainError:
-    hint = "It may have been removed; choose one of the list."
-    return DomainError("not-found", f"Device {device:.40} not found.", hint)
-
-
 def check_length(text: str | None, most: int, what: str) -> None:
     """Raise DomainError for a text that is too long."""
     if text is not None and len(text) > most:

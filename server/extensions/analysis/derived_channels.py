@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import DomainError, unknown_device
 from imuscope.server.extensions.analysis.channel_rates import ChannelRates, have_changed
 from imuscope.server.extensions.analysis.live_expression import LiveExpression
 from imuscope.server.extensions.analysis.live_streams import Piece
@@ -91,8 +91,7 @@ class DerivedChannels:
         """
         info = self._bus.devices.latest.get(number)
         if info is None:
-            hint = "It may have been removed; choose one of the list."
-            raise DomainError("not-found", f"Device {number:.40} not found.", hint)
+            raise unknown_device(number)
         return info
 
     def put(self, device: DeviceInfo, definition: SignalDefinition) -> None:

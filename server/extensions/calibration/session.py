@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import DomainError, unknown_device
 from imuscope.server.extensions.analysis.triads import Samples, Triad, finite
 from imuscope.server.extensions.calibration.kinds import (
     CalibrationInputs,
@@ -176,8 +176,7 @@ class CalibrationSessions:
             DomainError: "not-found": unknown device.
         """
         if device not in self._bus.devices.latest:
-            hint = "It may have been removed; choose one of the list."
-            raise DomainError("not-found", f"Device {device:.40} not found.", hint)
+            raise unknown_device(device)
         return CalibrationInputs.of(self._store.of_device(device).values())
 
     def start(self, device: str, kind: str, options: CalibrationOptions) -> CalibrationSession:
