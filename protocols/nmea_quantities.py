@@ -231,7 +231,6 @@ def _named(name: str, own: Field | None) -> Field:
 
 
 def _numbers(fields: Mapping[str, Any]) -> dict[str, float]:
-    """The numbers of a sentence by name, signed."""
     numbers: dict[str, float] = {}
     before = ""
     for name, value in fields.items():

@@ -274,7 +274,6 @@ class _Growing:
         self.at = 0
 
     def put(self, array: Array) -> None:
-        """Append a column."""
         self.file.write(array.data)
         self.file.write(bytes(padding(array.nbytes)))
         self.at += array.nbytes + padding(array.nbytes)

@@ -440,7 +440,6 @@ def _log(path: Path, family: ProtocolInfo, log: LogFormat, protocol: str) -> Cap
 
 
 def _blocks(files: Sequence[Path]) -> Generator[bytes, None, None]:
-    """Bytes of files, one after the other."""
     for file in files:
         with open_regular(file) as opened:
             while data := opened.read(GUESS_BYTES):

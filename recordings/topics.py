@@ -184,7 +184,6 @@ def _flags(column: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def _flags_of(info: Info) -> list[tuple[int, str, int]]:
-    """Column, field and bit of each single flag."""
     return [
         (at, _flag(name, bit), int(bit["low"]))
         for at, (name, column) in enumerate(zip(fields_of(info), info["columns"], strict=True))

@@ -331,7 +331,6 @@ class Server(uvicorn.Server):
                 transport.abort()
 
     def _cancel(self) -> None:
-        """Cancel tasks of disconnected clients."""
         for task in self.server_state.tasks:
             task.cancel()
 

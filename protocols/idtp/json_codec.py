@@ -63,7 +63,6 @@ def _size(row: Message | None) -> int:
 
 
 def _place(row: Message, field: Field) -> int:
-    """Offset of a field in its payload."""
     return sum(size_of(other) for other in row.fields[: row.fields.index(field)])
 
 
@@ -134,7 +133,6 @@ def _packed(name: str, row: Message | None, values: Mapping[str, Any]) -> bytes:
 
 
 def _number(name: str, value: Any, schema: Schema) -> int:
-    """The payload type of a name."""
     if name in BY_NAME:
         return BY_NAME[name].id
     described = {row.name: row.id for row in schema.values()}

@@ -204,7 +204,6 @@ def _nmea() -> list[Command]:
 
 
 def _risk_of(name: str) -> Risk | None:
-    """Risk of a system command."""
     if name in _RISKS:
         return _RISKS[name]
     if "BRIDGE" in name and not name.startswith("DISABLE"):
@@ -239,7 +238,6 @@ def _system() -> list[Command]:
 
 
 def _does(name: str) -> str:
-    """Effect of a system command."""
     effect = TABLES.help.get(("eSystemCommand", name), ("", ""))[1]
     if not effect and "_BRIDGE_" in name:
         ends = constant_label(name.partition("_BRIDGE_")[2]).replace(" to ", " and ")

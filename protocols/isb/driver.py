@@ -413,7 +413,6 @@ def _is_gpx(known: DeviceContext) -> bool:
 
 
 def _streams_of_gpx(row: Setting) -> Setting:
-    """The streams of a GPX: those in DID_GPX_RMC."""
     return replace(row, fields=GPX_STREAM_FIELDS, read="GET_DID_GPX_RMC")
 
 

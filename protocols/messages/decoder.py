@@ -321,7 +321,6 @@ class MessageDecoder:
         return start + at
 
     def _sort(self, table: Ints, start: int, rejects: list[Event], received: dict[int, list[Ints]]) -> None:
-        """Sort message records by topic."""
         channels = table[CHANNEL]
         for number in np.unique(channels).tolist():
             rows = table[:, channels == number]

@@ -56,5 +56,4 @@ class MessageLister:
 
 
 def _plain(value: Any) -> Any:
-    """Records as lists."""
     return list(map(_plain, value)) if isinstance(value, tuple | list) else value

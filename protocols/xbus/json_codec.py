@@ -179,7 +179,6 @@ def frame_from_json(record: Mapping[str, Any]) -> bytes:
 
 
 def _number(name: str, value: Any) -> int:
-    """The message number of a name."""
     if name in BY_NAME:
         return BY_NAME[name][0].id
     try:
@@ -212,7 +211,6 @@ def _packed(mid: int, name: str, fields: Mapping[str, Any], size: int | None) ->
 
 
 def _data_payload(fields: Mapping[str, Any], wire: Mapping[str, Any]) -> bytes:
-    """The items of an MTData2 payload."""
     listed = wire.get("items")
     if listed is None:
         return b"".join(_item(name, None, value) for name, value in fields.items())

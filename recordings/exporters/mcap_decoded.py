@@ -228,7 +228,6 @@ def _arrivals(request: ExportRequest, about: Info, segments: Sequence[float], to
 
 
 def _bytes(request: ExportRequest, topic: int, rows: ExactRows) -> Messages:
-    """Payloads as JSON."""
     (payloads,) = rows.columns
     body = pa.array([b'{"data":"%s"}' % base64.b64encode(one) for one in payloads], pa.large_binary())
     return Messages(np.full(len(rows), topic, np.uint16), _times(request, rows), body)
@@ -256,7 +255,6 @@ def _fixes(request: ExportRequest, device: DeviceEntity, topic: int, rows: Exact
 
 
 def _of(topic: int, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
-    """Messages created one by one."""
     columns = list(made)
     at = np.array([row for row, _ in columns], np.int64)
     body = pa.array([data for _, data in columns], pa.large_binary())

@@ -113,7 +113,6 @@ def _shown(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) 
 
 
 def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) -> str:
-    """A value without its unit."""
     if isinstance(value, Mapping) and value.keys() <= {"f32", "f64"}:
         value = _float(value)
     if isinstance(value, (Mapping, list, tuple)):

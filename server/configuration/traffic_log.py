@@ -228,7 +228,6 @@ def values_text(values: Mapping[str, Any], fields: Sequence[Field] = ()) -> str:
 
 
 def _meaning(choices: Mapping[int, str] | None, value: Any) -> str:
-    """Meaning of a number, in parentheses."""
     return f" ({choices[value]})" if choices and isinstance(value, int) and value in choices else ""
 
 

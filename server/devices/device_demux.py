@@ -488,6 +488,5 @@ class LinkDecoder:
 
 
 def _offset(event: Event) -> int:
-    """Position of an event in the stream."""
     offset = event.offset
     return offset if isinstance(offset, int) else int(offset[0])

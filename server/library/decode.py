@@ -223,7 +223,6 @@ class _Device:
         return self._decoder.axes if isinstance(self._decoder, MessageDecoder) else {}
 
     def _report_remarks(self) -> None:
-        """Report the decoder's remarks on the stream."""
         for words in self._decoder.remarks if isinstance(self._decoder, Remarks) else ():
             self.devices.own.events.report("device", "warning", words, data={"reason": REMARK})
 

@@ -283,7 +283,6 @@ class ExportJobs:
         self._publish()
 
     def _tidy(self) -> None:
-        """Delete old results."""
         over = [(job, job.ended_at) for job in self._jobs.values() if job.ended_at is not None]
         late = asyncio.get_running_loop().time() - KEPT_S
         too_many = len(over) - MAX_RESULTS

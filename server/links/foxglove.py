@@ -140,7 +140,6 @@ class FoxgloveLink(MessageLink):
     # -- the thread ----------------------------------------------------------------------------------------------------
 
     def _main(self, opened: Future[str]) -> None:
-        """Body of the thread."""
         with contextlib.suppress(asyncio.CancelledError):  # closed while it ended by itself
             asyncio.run(self._run(opened))
 

@@ -184,7 +184,6 @@ class _Flusher(threading.Thread):
                 self.flush()
 
     def stop(self) -> None:
-        """End the thread."""
         self._stopped = True
         self._due.set()
         self.join()

@@ -107,7 +107,6 @@ class PipeLink(FileLink):
         self._thread.start()
 
     def _run(self, inbox: ChunkQueue) -> None:
-        """Body of the thread."""
         try:
             with contextlib.closing(_Pipe(str(self.path), self._stop, inbox.flush)) as pipe:
                 head = pipe.head()

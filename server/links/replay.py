@@ -151,7 +151,6 @@ class ReplayLink(FileLink):
         return began
 
     def _play(self, inbox: ChunkQueue, replay: ReplayClock) -> None:
-        """Body of the thread."""
         wait_for = self._wait_for(inbox)
         describe_ns = 0
         try:

@@ -128,7 +128,6 @@ class SimulatorThread(threading.Thread):
             self._unplug()
 
     def _simulate(self) -> None:
-        """Run until stopped or unplugged."""
         options = self._options
         started_ns = powered_ns = advanced_ns = self._now_ns()
         device = power_cycled(self.device, powered_ns, self._make)

@@ -165,7 +165,6 @@ def _default(schema: Schema) -> str:
 
 
 def _meaning(schema: Schema, parameter: Schema | None = None) -> str:
-    """Description and allowed range."""
     text = " ".join(((parameter or {}).get("description") or schema.get("description", "")).split())
     limits = [f"{word} {schema[key]}" for key, word in LIMITS.items() if key in schema]
     return "; ".join(filter(None, [text, ", ".join(limits)]))

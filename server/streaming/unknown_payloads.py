@@ -198,7 +198,6 @@ class UnknownPayloadTracker:
 
 
 def _name(message: Message, one: Field) -> str:
-    """Name of a kind of payload."""
     several = sum(map(is_opaque, message.fields)) > 1
     return one.name if message.channel_per_field else f"{message.name}.{one.name}" if several else message.name
 

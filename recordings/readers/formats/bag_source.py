@@ -147,7 +147,6 @@ class _Block:
         self.size = 0
 
     def add(self, piece: BagPiece) -> None:
-        """Add messages of channels that are known."""
         if piece.table.shape[1]:
             self._pieces.append(piece)
             self.size += int(piece.table[SIZE].sum()) + MESSAGE_HEAD.size * piece.table.shape[1]

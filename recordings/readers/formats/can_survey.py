@@ -110,7 +110,6 @@ class LogSurvey:
         self.rows += len(stamps)
 
     def _add_frames(self, data: Bytes, frames: Ints, which: Ints, sums: Ints) -> None:
-        """Add frames of one identifier of one bus."""
         bus, number = int(frames[BUS_KEY, which[0]]), int(frames[ID, which[0]])
         if bus not in self.buses:
             begin = int(frames[BUS, which[0]])

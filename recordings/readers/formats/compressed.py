@@ -91,7 +91,6 @@ def _is_hidden(name: str) -> bool:
 
 
 def _extracted(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], unpacked: UnpackedFolder) -> list[Path]:
-    """The files of a zip, in a flat folder."""
     unpacked.check(sum(entry.file_size for entry in entries))
     files = []
     is_euroc, is_oxts = bool(_of_sensors(entries)), bool(_of_packets(entries))

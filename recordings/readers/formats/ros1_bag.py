@@ -53,7 +53,6 @@ class _MessageHeader:
 
     @classmethod
     def of(cls, content: bytes, at: int) -> _MessageHeader:
-        """The layout of the message at a place."""
         size = 4 + int(_LENGTH.unpack_from(content, at)[0])
         header = np.frombuffer(content, np.uint8, size, at)
         is_constant = np.ones(size, np.uint8)
@@ -114,7 +113,6 @@ class Ros1Bag(BagSource):
                 yield piece_of(1.0, *zip(*loose, strict=True))
 
     def _pieces_of(self, fields: dict[bytes, bytes], data: bytes, at: int, done: float) -> Iterator[BagPiece]:
-        """The messages of one chunk."""
         compression = fields.get(b"compression", b"none").decode(errors="replace")
         try:
             if compression not in ("none", "bz2", "lz4"):

@@ -252,7 +252,6 @@ class _Source:
     angle: str | None = None
 
     def quantity(self, rows: Sequence[NDArray[Any]], axis: Floats) -> Quantity:
-        """Some samples of it."""
         columns = rows[2:] if self.at is None else [rows[2 + at] for at in self.at]
         parts = tuple(column.astype(np.float64) for column in columns)
         if self.angle is not None:
@@ -260,7 +259,6 @@ class _Source:
         return replace(self.probe, time=axis, parts=parts)
 
     def empty(self) -> Quantity:
-        """No samples of it."""
         return replace(self.probe, time=np.empty(0), parts=tuple(np.empty(0) for _ in self.probe.parts))
 
 

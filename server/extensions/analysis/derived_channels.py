@@ -131,7 +131,6 @@ class DerivedChannels:
             self._store.remove_channel(running.channel)
 
     def _plain(self, device: str) -> list[ChannelInfo]:
-        """The channels that a device sends."""
         return [info for info in self._store.of_device(device).values() if info.message != MESSAGE]
 
     def _start(self, device: str, definition: SignalDefinition) -> _Running:
@@ -198,7 +197,6 @@ class DerivedChannels:
         self._problems = {key: problem for key, problem in self._problems.items() if key[0] != device}
 
     def _follow(self, device: str, running: _Running) -> None:
-        """Compute and publish the samples of new rows."""
         rows = self._new_rows(running)
         if not rows:
             return

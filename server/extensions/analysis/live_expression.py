@@ -284,7 +284,6 @@ def _apply(node: Call, arguments: list[Quantity]) -> Quantity:
 
 
 def _continued(angle: Stream) -> Stream:
-    """An angle without its jumps."""
     probe = angle.probe
     states = [Unwrapped(probe.period) for _ in probe.parts]
     return Runs(probe.with_parts(probe.parts), angle, states, gap=np.inf)

@@ -175,7 +175,6 @@ def _of_device(store: ColumnStore, time: Floats, arrival: Floats, own: dict[str,
 def _columns(
     store: ColumnStore, device: str, message: str, infos: list[dict[str, Any]], n: int, table: Mapping[str, Any]
 ) -> dict[str, Floats]:
-    """Columns that are clocks, by name."""
     names = {*STAMPS, DEVICE_TIME, *table.get("others", ()), table.get("axis", "")}
     columns: dict[str, Floats] = {}
     beside = [one for one in store.manifest.get("clocks", ()) if (one["device"], one["message"]) == (device, message)]

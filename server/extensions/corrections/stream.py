@@ -372,7 +372,6 @@ class CorrectionForwarder:
             await end_tasks(reporting)
 
     async def _forward(self, name: str, message: bytes) -> None:
-        """Send one whole message to the device."""
         if not self._device_exists():
             raise CorrectionError(
                 "The device has been removed.", "Forward the corrections to another device.", over=True
@@ -409,7 +408,6 @@ class CorrectionForwarder:
     # -- the device ----------------------------------------------------------------------------------------------------
 
     def _on_events(self, event: Event) -> None:
-        """Update the position and refusals of the device."""
         self._position.update(event, self._session.info.protocol)
         corrections = self._input() if isinstance(event, Reply) else None
         if isinstance(event, Reply) and corrections is not None and corrections.is_rejection(event):

@@ -102,7 +102,6 @@ def _finite(value: float | None) -> float | None:
 
 
 def _arrival(channel: StoredChannel) -> float:
-    """Arrival of the newest row of a channel."""
     rows = channel.ring.read(channel.ring.total - 1) if channel.ring.total else []
     return float(rows[0][-1]) if rows and len(rows[0]) else 0.0
 

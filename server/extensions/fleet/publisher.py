@@ -266,7 +266,6 @@ class FleetPublisher:
             query.reply(keys.journal_key(self.name), data)
 
     def _on_settings_query(self, query: zenoh.Query) -> None:
-        """Answer with the settings of a device."""
         with query, self._budget_lock:
             data = self._known_settings.answer(str(query.selector.parameters.get("device") or ""))
             if data and self._budget.available(time.monotonic()) > 0:  # else the request is repeated

@@ -348,5 +348,4 @@ def _sentence(error: DomainError) -> str:
 
 
 def _clipped(text: str) -> str:
-    """Text of a robot."""
     return printable(text[:500])

@@ -282,7 +282,6 @@ def _curves(stream: rr.RecordingStream, work: Work, devices: list[DeviceEntity],
 
 
 def _payloads(stream: rr.RecordingStream, work: Work) -> None:
-    """Send undescribed bytes, as hex."""
     names = device_names(work.columns.manifest["devices"])
     for info in work.payloads:
         path = (names.get(info["device"], str(info["device"])), f"{info['name']} bytes")
@@ -324,7 +323,6 @@ class _Flags:
 
 
 def _texts(stream: rr.RecordingStream, work: Work, devices: list[DeviceEntity]) -> None:
-    """Send events and markers as text."""
     names = {device.id: device.name for device in devices}
     events = [event for event in work.columns.manifest["events"] if work.t0 <= event["time"] <= work.t1]
     for id in dict.fromkeys(event["device"] for event in events):

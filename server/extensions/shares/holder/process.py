@@ -176,7 +176,6 @@ class Holder:
             self.server.pass_on()
 
     def _write(self, data: bytes) -> None:
-        """Send to the device."""
         try:
             self._send(data)
         except PortError as error:

@@ -183,7 +183,6 @@ class Sharing:
         self.changed = True
 
     def _left(self, client: Client) -> None:
-        """Forget a client."""
         if self.clients.get(client.fd) is not client:
             return
         del self.clients[client.fd]
@@ -306,7 +305,6 @@ class Sharing:
         self._pass_on(client, data, now)
 
     def _pass_on(self, client: Client, data: bytes, now: float) -> None:
-        """Send bytes of a client to the device."""
         had_voice = self._arbiter.speaker(now) == client.number
         self._arbiter.spoke(client.number, now)
         self._recognise(client, data, now)
