@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from imuscope.protocols.can.decoder import COUNTER, CanDecoder, utc_of
+from imuscope.protocols.can.definition import KINDS
 from imuscope.protocols.can.lines import scan
 from imuscope.protocols.can.listing import CanLister
 from imuscope.protocols.family import (
@@ -18,13 +17,6 @@ from imuscope.protocols.family import (
 )
 from imuscope.protocols.schema import Message
 
-
-def _rows() -> Iterable[Message]:
-    from imuscope.protocols.can.definition import KINDS
-
-    return [Message(row.identifier, row.name, (row.field,)) for kind in KINDS.values() for row in kind.rows]
-
-
 FAMILY = ProtocolInfo(
     "can",
     "CAN",
@@ -33,7 +25,7 @@ FAMILY = ProtocolInfo(
         listing=CanLister,
         sample=b"(1767225600.000000) can0 021#7FFF000000000000\n",
         scan=scan,
-        rows=_rows,
+        rows=lambda: [Message(row.identifier, row.name, (row.field,)) for kind in KINDS.values() for row in kind.rows],
     ),
     decoding=Decoding(
         decoder=CanDecoder,

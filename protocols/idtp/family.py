@@ -18,15 +18,17 @@ from imuscope.protocols.family import (
     ProtocolInfo,
     StreamTraits,
 )
+from imuscope.protocols.idtp.commands import DATA, HEADER, reading_fields
 from imuscope.protocols.idtp.custom_payloads import TEMPLATE
 from imuscope.protocols.idtp.decoder import IdtpDecoder
 from imuscope.protocols.idtp.driver import IdtpDriver
 from imuscope.protocols.idtp.frames import LITE, build, scanner
 from imuscope.protocols.idtp.inspect import IdtpFrameLister, detection_score
+from imuscope.protocols.idtp.json_codec import frame_from_json
+from imuscope.protocols.idtp.messages import MESSAGES
 from imuscope.protocols.idtp.options import LISTED, MODES, OPTIONS, REMEDIES, UNPROTECTED
 from imuscope.protocols.idtp.security import protection
 from imuscope.protocols.idtp.supported import supported
-from imuscope.protocols.schema import Message
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 
 CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
@@ -34,10 +36,6 @@ SECURE_BYTES = 56  # a sample's two frames are this much longer in Secure than i
 
 
 def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
-    from imuscope.protocols.idtp.commands import DATA, HEADER, reading_fields
-    from imuscope.protocols.idtp.json_codec import frame_from_json
-    from imuscope.protocols.idtp.messages import MESSAGES
-
     key, schema = settings.get("key"), settings.get("schema")
     rows = {**{row.name: row for row in MESSAGES}, **{row.name: row for row in (schema or {}).values()}}
     messages = {name: (*HEADER, *reading_fields(row)) for name, row in rows.items()}
@@ -94,12 +92,6 @@ SIMULATOR = SimulatorInfo(
 )
 
 
-def _rows() -> tuple[Message, ...]:
-    from imuscope.protocols.idtp.messages import MESSAGES
-
-    return MESSAGES
-
-
 FAMILY = ProtocolInfo(
     "idtp",
     "IDTP 2.1",
@@ -110,7 +102,7 @@ FAMILY = ProtocolInfo(
         scan=scanner(None, LITE, show_unverified=True),
         frame_size="imuscope.protocols.idtp.client_frames",
         permissive={"show_unverified": True, "replay_check": False},
-        rows=_rows,
+        rows=lambda: MESSAGES,
         composer=_composer,
     ),
     decoding=Decoding(

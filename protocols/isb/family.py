@@ -31,11 +31,12 @@ from imuscope.protocols.isb.device_info import identity
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.frames import DATA, build, get_data, scan, stop
 from imuscope.protocols.isb.inspect import IsbFrameLister, detection_score
+from imuscope.protocols.isb.json_codec import frame_from_json
+from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, ROWS, set_row
 from imuscope.protocols.isb.mounting import MOUNTING
 from imuscope.protocols.isb.sensors import sensors_of
 from imuscope.protocols.isb.streams import OF_GPX, STREAMS, every, stream_words
 from imuscope.protocols.isb.supported import supported
-from imuscope.protocols.schema import Message
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
 from imuscope.protocols.transactions import DeviceContext, Values
@@ -45,9 +46,6 @@ POSITION_SETS = ("DID_GPS1_POS", "DID_INS_1", "DID_INS_2")
 
 
 def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
-    from imuscope.protocols.isb.json_codec import frame_from_json
-    from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, set_row
-
     messages = {name: row.fields for name, row in BY_NAME.items()}
     messages |= {row.name: row.fields for row in map(set_row, range(256))}
     messages |= {row.name: row.fields for row in COMMANDS.values()}
@@ -142,12 +140,6 @@ SIMULATOR = SimulatorInfo(
 )
 
 
-def _rows() -> list[Message]:
-    from imuscope.protocols.isb.messages import COMMANDS, ROWS
-
-    return [*ROWS.values(), *COMMANDS.values()]
-
-
 FAMILY = ProtocolInfo(
     "isb",
     "Inertial Sense IMX, GPX (ISB 2.x)",
@@ -158,7 +150,7 @@ FAMILY = ProtocolInfo(
         scan=scan,
         frame_size="imuscope.protocols.isb.client_frames",
         configuration_frames="imuscope.protocols.isb.client_frames",
-        rows=_rows,
+        rows=lambda: [*ROWS.values(), *COMMANDS.values()],
         composer=_composer,
     ),
     decoding=Decoding(

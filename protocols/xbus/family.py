@@ -29,10 +29,11 @@ from imuscope.protocols.family import (
     position_of_columns,
 )
 from imuscope.protocols.framing import ID, OFFSET, Bytes, Ints
-from imuscope.protocols.schema import Message
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
 from imuscope.protocols.transactions import DeviceContext, Values
+from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
+from imuscope.protocols.xbus.data_identifiers import BY_NAME as ITEMS
 from imuscope.protocols.xbus.data_identifiers import COORDINATES
 from imuscope.protocols.xbus.dates import date_of, utc_of
 from imuscope.protocols.xbus.decoder import XbusDecoder
@@ -40,8 +41,9 @@ from imuscope.protocols.xbus.device_info import identity
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import MASTER, build, scan
 from imuscope.protocols.xbus.inspect import XbusFrameLister, detection_score
+from imuscope.protocols.xbus.json_codec import frame_from_json
 from imuscope.protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
-from imuscope.protocols.xbus.messages import ROWS
+from imuscope.protocols.xbus.messages import BY_NAME, MESSAGES, ROWS
 from imuscope.protocols.xbus.mounting import MOUNTING
 from imuscope.protocols.xbus.output_changes import XbusOutputChanges
 from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
@@ -50,7 +52,7 @@ from imuscope.protocols.xbus.sensors import sensors_of
 from imuscope.protocols.xbus.supported import supported
 
 DRIVER = XbusDriver()
-MESSAGES = np.array(sorted(ROWS))
+NUMBERS = np.array(sorted(ROWS))
 FORWARD_GNSS_DATA, ERROR = 0xE2, 0x42
 FORWARDS = "ForwardGnssData"  # a product with this command accepts RTCM
 PRECISIONS = ("Float32", "Fp12.20", "Fp16.32", "Float64")
@@ -62,15 +64,11 @@ def _is_certain(table: Ints, data: Bytes) -> NDArray[np.bool_]:
     """Frames that are hardly chance. The check is one byte, so noise contains a frame every 60 kB; only frames from the
     device itself, bus identifier FF, with a known message count: one in some 50 MB.
     """
-    certain: NDArray[np.bool_] = (data[table[OFFSET] + 1] == MASTER) & np.isin(table[ID], MESSAGES)
+    certain: NDArray[np.bool_] = (data[table[OFFSET] + 1] == MASTER) & np.isin(table[ID], NUMBERS)
     return certain
 
 
 def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
-    from imuscope.protocols.xbus.data_identifiers import BY_NAME as ITEMS
-    from imuscope.protocols.xbus.json_codec import frame_from_json
-    from imuscope.protocols.xbus.messages import BY_NAME
-
     messages = {name: rows[0].fields for name, rows in BY_NAME.items()}
     forms = {name: tuple(part for row in rows for part in row.fields) for name, rows in BY_NAME.items()}
     forms["MTData2"] = tuple(ITEMS.values())
@@ -86,8 +84,6 @@ def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
 
 
 def _em1000(record: FrameRecord) -> bytes:
-    from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
-
     fields = record.get("fields", {})
     angles = (round(fields[name] * 100) for name in ("roll", "pitch", "heave", "heading"))
     return EM1000_HEAD + EM1000.pack(*angles)[len(EM1000_HEAD) :]
@@ -262,12 +258,6 @@ SIMULATOR = SimulatorInfo(
 )
 
 
-def _rows() -> tuple[Message, ...]:
-    from imuscope.protocols.xbus.messages import MESSAGES
-
-    return MESSAGES
-
-
 FAMILY = ProtocolInfo(
     "xbus",
     "Xsens MTi (Xbus)",
@@ -279,7 +269,7 @@ FAMILY = ProtocolInfo(
         frame_size="imuscope.protocols.xbus.client_frames",
         configuration_frames="imuscope.protocols.xbus.client_frames",
         is_certain=_is_certain,
-        rows=_rows,
+        rows=lambda: MESSAGES,
         composer=_composer,
     ),
     decoding=Decoding(

@@ -9,10 +9,11 @@ from imuscope.protocols.family import ProtocolInfo
 from imuscope.protocols.messages.family import MESSAGES
 from imuscope.protocols.registry import PROBLEMS, PROTOCOLS, count_messages, counts_losses, detect, family_of
 from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.recordings.readers.registry import READERS
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.ingest import ProtocolTraits
 from imuscope.server.devices.protocol_detection import ProtocolSet
-from imuscope.server.links.registry import link_kind
+from imuscope.server.links.registry import link_kind, load_links
 from imuscope.server.wire import DeviceInfo
 
 
@@ -42,8 +43,6 @@ def device_counts_losses(device: DeviceInfo, channels: Container[str]) -> bool:
 def problems() -> list[str]:
     """A sentence for each family, exporter, reader and link of another package that cannot be used."""
     from imuscope.recordings.exporters import PROBLEMS as OF_EXPORTERS
-    from imuscope.recordings.readers.registry import READERS
-    from imuscope.server.links.registry import load_links
 
     return [*PROBLEMS, *OF_EXPORTERS, *READERS.problems(), *load_links()]
 

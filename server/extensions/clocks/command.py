@@ -11,7 +11,8 @@ from pathlib import Path
 from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server.commands.common import check_sources, checked_protocol, decode_options_of, file_to_decode, seekable
 from imuscope.server.commands.file_arguments import add_table
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.config import load
+from imuscope.server.devices.decode_options import DecodeOptions, parse_source_options
 from imuscope.server.errors import UsageError
 
 MOST_S = 3600.0
@@ -65,8 +66,6 @@ def _is_live(source: str) -> bool:
 def _received(options: argparse.Namespace, reading: DecodeOptions) -> Iterator[Path]:
     """A recording of the source, which is gone afterwards."""
     from imuscope.server.commands.record import RecordRequest, record
-    from imuscope.server.config import load
-    from imuscope.server.devices.decode_options import parse_source_options
 
     check_sources([options.file], reading)
     data = load(data=options.data).data
