@@ -12,15 +12,13 @@ those of its frames count that come from the device itself, bus identifier FF, w
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 
 import numpy as np
 
 from imuscope.protocols.events import RejectedFrame, Text
 from imuscope.protocols.family import ProtocolInfo
-from imuscope.protocols.framing import OFFSET, SIZE, Ints, Scan
-from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.framing import OFFSET, SIZE, Ints
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.stream_parser import StreamParser
 
@@ -30,20 +28,10 @@ FEW = 3  # frames of another protocol; fewer may be chance
 class _BareStream(StreamParser):
     """Frames alone: messages that pass through any port do not count."""
 
-    def __init__(self, scan: Scan) -> None:
-        super().__init__(scan, _nothing, _NEVER)
-
     def _spans(
         self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[RejectedFrame], stalled: bool
     ) -> None:
         self._find_at = self._scan_at
-
-
-def _nothing(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
-    return [], len(data)
-
-
-_NEVER = re.compile(rb"(?!)")
 
 
 class _Frames:

@@ -62,18 +62,29 @@ class ParseResult:
     texts: list[Text]
 
 
+_NEVER = re.compile(rb"(?!)")
+
+
+def _nothing(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
+    return [], len(data)
+
+
 class StreamParser:
     """Cuts a stream of bytes, given in chunks, into frames, texts and rejects.
 
     Args:
         scan: finds frames.
-        find: finds other messages between them.
+        find: finds other messages between them; without it there are none.
         starts: how each of these messages begins; a final stretch without a match need not be searched.
         result: makes the result, for a protocol that adds to it.
     """
 
     def __init__(
-        self, scan: Scan, find: Find, starts: re.Pattern[bytes], result: type[ParseResult] = ParseResult
+        self,
+        scan: Scan,
+        find: Find = _nothing,
+        starts: re.Pattern[bytes] = _NEVER,
+        result: type[ParseResult] = ParseResult,
     ) -> None:
         self._result = result
         self._scan = scan

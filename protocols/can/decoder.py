@@ -20,7 +20,6 @@ a device sends each quantity at a rate of its own.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
@@ -45,7 +44,6 @@ from imuscope.protocols.events import (
     stream_order,
 )
 from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Ints
-from imuscope.protocols.nmea import ParsedMessage
 from imuscope.protocols.schema import Field, Message
 from imuscope.protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
 
@@ -53,20 +51,10 @@ FRAME_BYTES = 8
 GROUP, APART = "SampleGroup", "HighRate"
 COUNTER = "PacketCounter"
 NO_CLOCK, UTC, FINE = range(3)
-_NOTHING = re.compile(rb"(?!)")
 HEADS = ("time", "counter", "utc")
 _GROUPED, _REPORT, _APART = range(3)
 _SORTS = {"report": _REPORT, "apart": _APART}
 EARLIEST_YEAR = 2019  # there was no such device before: a clock that is not set
-
-
-def no_texts(data: bytes, *, final: bool = False) -> tuple[list[ParsedMessage], int]:
-    """No messages of other protocols are between the lines of a log."""
-    return [], len(data)
-
-
-def line_parser() -> StreamParser:
-    return StreamParser(scan, no_texts, _NOTHING)
 
 
 @dataclass(slots=True)
@@ -118,7 +106,7 @@ class CanDecoder(StreamDecoder[StreamParser]):
     """
 
     def __init__(self, *, direction: str = "to_host") -> None:
-        super().__init__(line_parser())
+        super().__init__(StreamParser(scan))
         self._counter = SequenceCounter(1 << 16)
         self._clock = NO_CLOCK
         self._define(default_definition())

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.can.decoder import line_parser
 from imuscope.protocols.can.definition import CanDefinition, default_definition, identifier_text, read_definition
-from imuscope.protocols.can.lines import DATA, DEFINITION
+from imuscope.protocols.can.lines import DATA, DEFINITION, scan
 from imuscope.protocols.frame_lines import FrameLine, frame_lines
 from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER
+from imuscope.protocols.stream_parser import StreamParser
 
 KINDS = ("", "request", "CAN FD", "error")
 
@@ -19,7 +19,7 @@ class CanLister:
     """Chunks in, lines out."""
 
     def __init__(self, *, direction: str = "to_host") -> None:
-        self._stream = line_parser()
+        self._stream = StreamParser(scan)
         self._definition: CanDefinition = default_definition()
 
     def feed(self, data: bytes) -> None:

@@ -10,10 +10,10 @@ that are full of frames, as nearly all are, give the same result when searched t
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any, cast
 
 import numpy as np
@@ -22,7 +22,6 @@ from imuscope.protocols.events import RejectedFrame
 from imuscope.protocols.framing import OFFSET, REASONS, SENDER, SIZE, Ints
 from imuscope.protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
 from imuscope.protocols.idtp.replay_guard import LOST, MASK, TAKEN_BACK, ReplayGuard, ReplayVerdict
-from imuscope.protocols.nmea import ParsedMessage
 from imuscope.protocols.stream_parser import ParseResult as Whole
 from imuscope.protocols.stream_parser import StreamParser
 
@@ -42,13 +41,6 @@ INTACT = ("no_key", "below_min_mode")
 """Reasons why a scan refuses a frame whose header is valid and whose number can be read."""
 
 REFUSED_DEVICES, REFUSED_NUMBERS = 64, 4096  # remembered
-
-_NEVER = re.compile(rb"(?!)")
-
-
-def _nothing(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
-    """No other protocol shares a port with this one."""
-    return [], len(data)
 
 
 class IdtpStream:
@@ -81,7 +73,7 @@ class IdtpStream:
         if min_mode not in (0, 1, 2):
             raise ValueError(f"min_mode is 0 (Lite), 1 (Safety) or 2 (Secure), given {min_mode!r}")
         scan = scanner(key, min_mode, show_unverified=show_unverified)
-        self._stream = StreamParser(scan, _nothing, _NEVER, ClassifiedFrames)
+        self._stream = StreamParser(scan, result=ClassifiedFrames)
         self.sequences = ReplayGuard(check=replay_check, keyed=key is not None, arrivals=arrivals)
         self._refused: dict[int, deque[int]] = {}  # numbers of whole frames that were refused, by device
         self._datagrams = datagrams
@@ -138,7 +130,7 @@ class IdtpStream:
         refused = self._intact(cut, rejects) if rejects else []
         if judged.dropped:
             refused += self._old(cut, table, arrivals, judged, rejects)
-            rejects.sort(key=_offset)
+            rejects.sort(key=attrgetter("offset"))
         if refused or (judged.gaps and self._refused):
             self._correct_losses(cut, table, judged, sorted(refused))
         if judged.dropped:
@@ -202,7 +194,3 @@ class IdtpStream:
                 judged.gaps -= 1
         for _, sender, number in coming:
             self._record(sender, number)
-
-
-def _offset(reject: RejectedFrame) -> int:
-    return reject.offset

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.composer import FrameRecord, ProtocolComposer
 from imuscope.protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoice
-from imuscope.protocols.events import Reply
 from imuscope.protocols.family import (
     ConfigurationTraits,
     CorrectionInput,
@@ -87,18 +86,6 @@ def _em1000(record: FrameRecord) -> bytes:
     fields = record.get("fields", {})
     angles = (round(fields[name] * 100) for name in ("roll", "pitch", "heave", "heading"))
     return EM1000_HEAD + EM1000.pack(*angles)[len(EM1000_HEAD) :]
-
-
-def _takes_corrections(known: DeviceContext) -> bool:
-    return bool(known.product) and any(row.name == FORWARDS for row in DRIVER.commands(known))
-
-
-def _wrapped(message: bytes, address: int | None) -> bytes:
-    return build(FORWARD_GNSS_DATA, message, MASTER if address is None else address)
-
-
-def _is_rejection(reply: Reply) -> bool:
-    return reply.message.id == ERROR
 
 
 # -- forms -------------------------------------------------------------------------------------------------------------
@@ -186,10 +173,6 @@ def _products() -> tuple[str, ...]:
     return USUAL, *(name for name in PRODUCTS if name != USUAL)
 
 
-def _bytes_per_s(rate: float, options: Mapping[str, Any]) -> float:
-    return 88 * rate * (len(options["bus_ids"]) or 1)
-
-
 def _check(product: str, options: Mapping[str, str]) -> tuple[str, str] | None:
     if "port" in options and not product.startswith("MTi-6"):
         return f"an {product} has one port", "Leave port out, or choose a product of the 600-series."
@@ -237,7 +220,7 @@ def _frame_size(head: bytes) -> int:
 
 SIMULATOR = SimulatorInfo(
     _make,
-    _bytes_per_s,
+    lambda rate, options: 88 * rate * (len(options["bus_ids"]) or 1),
     b"\xfa",
     _frame_size,
     "an MTi-630 at 100 Hz",
@@ -313,9 +296,9 @@ FAMILY = ProtocolInfo(
         tables=tables,
         entry_words=entry_words,
         corrections=CorrectionInput(
-            _takes_corrections,
-            _wrapped,
-            _is_rejection,
+            lambda known: bool(known.product) and any(row.name == FORWARDS for row in DRIVER.commands(known)),
+            lambda message, address: build(FORWARD_GNSS_DATA, message, MASTER if address is None else address),
+            lambda reply: reply.message.id == ERROR,
             "an MTi-680G",
         ),
         mounting=MOUNTING,
