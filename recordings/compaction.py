@@ -9,7 +9,6 @@ damaged anywhere but at its torn end: data after the damage must not be lost.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shutil
 import sys
@@ -30,6 +29,7 @@ from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapReader
 from imuscope.recordings.mcap_records import message
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.parent_death import die_with_parent, report_to_parent
+from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 
@@ -195,8 +195,7 @@ def main() -> int:
     process.
     """
     die_with_parent()
-    with contextlib.suppress(OSError, AttributeError):
-        os.nice(10)
+    lower_priority(10)
     bounded(MEMORY)
     for name in sys.argv[1:]:
         has_room, message, is_over = False, "", False

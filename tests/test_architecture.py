@@ -47,6 +47,7 @@ COMMON = {
         "terminals",
         "version",
         "wire",
+        "worker_process",
         "workers",
     ),
 }

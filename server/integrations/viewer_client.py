@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
+from imuscope.recordings.priority import lower_priority
 from imuscope.server.integrations.viewer_process import HEAD, SAMPLES, TEXT
 from imuscope.server.wire_codec import SampleFrame, WireError, decode_samples
 
@@ -39,8 +40,7 @@ class ViewerClient:
         self._dtypes: dict[int, Sequence[str]] = {}
         self.changed = False
         self.on_events: Callable[[list[Mapping[str, Any]]], None] = lambda events: None
-        with contextlib.suppress(OSError):
-            os.nice(nice)  # live devices come first
+        lower_priority(nice)  # live devices come first
 
     def send(self, **words: Any) -> None:
         """Send a message to the server's side. Thread-safe."""

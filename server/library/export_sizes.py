@@ -13,8 +13,6 @@ channels, base; the output is a line of JSON, {"sizes": {format: bytes}, "device
 from __future__ import annotations
 
 import contextlib
-import json
-import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,11 +22,11 @@ import numpy as np
 
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, report_to_parent
-from imuscope.recordings.priority import lower_priority
-from imuscope.recordings.resource_limits import TooLong, bounded
+from imuscope.recordings.parent_death import report_to_parent
+from imuscope.recordings.resource_limits import TooLong
 from imuscope.server.library.export_worker import request_of
 from imuscope.server.library.zip_download import one_file
+from imuscope.server.worker_process import begin
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)
 WHOLE = 12_000  # rows of channels up to which everything is written
@@ -93,10 +91,7 @@ def _written(format: str, request: ExportRequest, folder: Path) -> int:
 
 def main() -> int:
     """Measure the export that standard input requests. Returns 0, or 1 on failure."""
-    lower_priority(10)  # live devices come first
-    die_with_parent()
-    bounded()
-    message = json.loads(sys.stdin.read())
+    message = begin(10)
     request = request_of({"source": "", "device": "", **message})
     try:
         with tempfile.TemporaryDirectory(dir=message["folder"]) as folder:

@@ -7,10 +7,8 @@ is stopped (SIGTERM) leaves no files behind.
 
 from __future__ import annotations
 
-import json
 import math
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
@@ -18,55 +16,26 @@ from typing import Any, NoReturn
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.exporters.request import ExportStep
-from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, report_to_parent
-from imuscope.recordings.priority import lower_priority
-from imuscope.recordings.resource_limits import TooLong, bounded
-
-STEP = 0.005
+from imuscope.recordings.parent_death import report_to_parent
+from imuscope.server.worker_process import begin, progress_reports, reporting
 
 
-def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> int:
-    """Run the work that standard input requests. Returns 0, or 1 after a reported error.
+def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> None:
+    """Run the work that standard input requests.
 
     Args:
         work: takes the request and a `step` that is called with the progress; returns the files written.
     """
-    lower_priority(10)  # live devices and opening of recordings come first
     signal.signal(signal.SIGTERM, _end)
-    die_with_parent()
-    bounded()
-    message = json.loads(sys.stdin.read())
-    shown = 0.0
-
-    def step(share: float) -> None:
-        nonlocal shown
-        if share >= shown + STEP:
-            shown = share
-            report_to_parent(progress=round(min(share, 1.0), 3))
-
-    try:
-        files = work(message, step)
-    except RecordingError as error:
-        report_to_parent(message=error.message, hint=error.hint)
-        return 1
-    except MemoryError:
-        report_to_parent(message="The export exceeds the memory limit.", hint="Export a shorter time range.")
-        return 1
-    except TooLong:
-        report_to_parent(message="The export exceeds the time limit.", hint="Export a shorter time range.")
-        return 1
-    except OSError as error:
-        words = f"{error.strerror or error}: {Path(error.filename or '').name}".rstrip(": ")
-        report_to_parent(message=f"The export failed. {words}.", hint="Export it again.")
-        return 1
+    request = begin(10)
+    with reporting("The export", "Export a shorter time range.", _failed):
+        files = work(request, progress_reports())
     report_to_parent(files=[str(file) for file in files])
-    return 0
 
 
-def main() -> int:
-    """Write the export that standard input requests. Returns 0, or 1 after a reported error."""
-    return run(lambda message, step: export(message["format"], request_of(message), Path(message["out"]), step))
+def _failed(error: OSError) -> tuple[str, str]:
+    words = f"{error.strerror or error}: {Path(error.filename or '').name}".rstrip(": ")
+    return f"The export failed. {words}.", "Export it again."
 
 
 def request_of(message: dict[str, Any]) -> ExportRequest:
@@ -88,4 +57,4 @@ def _end(number: int, frame: object) -> NoReturn:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run(lambda message, step: export(message["format"], request_of(message), Path(message["out"]), step))

@@ -9,16 +9,14 @@ identity, and the decode options. The result is written beside the bytes, as it 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, report_to_parent
-from imuscope.recordings.priority import lower_priority
-from imuscope.recordings.resource_limits import TooLong, bounded
+from imuscope.recordings.parent_death import report_to_parent
+from imuscope.recordings.resource_limits import TooLong
 from imuscope.recordings.sources import SourceDevice
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
@@ -26,6 +24,7 @@ from imuscope.server.extensions.clocks.live_time import live_time
 from imuscope.server.extensions.clocks.memory_source import BYTES, RESULT, MemorySource
 from imuscope.server.library.decode import decode
 from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.worker_process import begin
 
 TOO_MUCH = "Measuring the clocks exceeds a limit of this machine."
 
@@ -42,11 +41,8 @@ def _work(request: Mapping[str, Any]) -> None:
 
 def main() -> int:
     """Measure what standard input requests. Returns 0, or 1 after a reported error."""
-    lower_priority(10)  # live devices come first
-    die_with_parent()
-    bounded()
     try:
-        _work(json.loads(sys.stdin.read()))
+        _work(begin(10))
     except RecordingError as error:
         report_to_parent(message=error.message, hint=error.hint)
         return 1

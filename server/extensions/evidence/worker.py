@@ -69,4 +69,4 @@ def _work(message: dict[str, Any], step: Callable[[float], None]) -> list[Path]:
 
 
 if __name__ == "__main__":
-    raise SystemExit(run(_work))
+    run(_work)

@@ -12,41 +12,26 @@ read again and compared by its checksum, and false with "words" if it has not.
 from __future__ import annotations
 
 import errno
-import json
 import shutil
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, report_to_parent
-from imuscope.recordings.priority import lower_priority
-from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
+from imuscope.recordings.parent_death import report_to_parent
+from imuscope.recordings.resource_limits import TooLong, bounded_by
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.fetch import NotInStoreError, verify
 from imuscope.server.extensions.fleet.recording_digest import recording_id
 from imuscope.server.extensions.fleet.store import AGAIN, StoreError, limited, location
 from imuscope.server.extensions.fleet.upload import upload
-
-STEP = 0.01
+from imuscope.server.worker_process import begin, progress_reports
 
 
 def main() -> int:
     """Upload the recording that standard input requests. Returns 0, or 1 after a reported error."""
-    lower_priority(15)  # live devices and everything that a user waits for come first
-    die_with_parent()
-    bounded()
-    request = json.loads(sys.stdin.read())
-    reported = 0.0
-
-    def progress(share: float) -> None:
-        nonlocal reported
-        if share >= reported + STEP:
-            reported = share
-            report_to_parent(progress=round(min(share, 1.0), 2))
-
+    request = begin(15)  # everything that a user waits for comes first, too
     path = Path(request["path"])
     bounded_by(path)
     try:
@@ -55,7 +40,7 @@ def main() -> int:
             return 0
         _use_folder(Path(request["folder"]))
         with limited(location(request["store"]), request["rate"]) as store:
-            made = upload(path, store, request["robot"], DecodeOptions("", request["options"]), progress)
+            made = upload(path, store, request["robot"], DecodeOptions("", request["options"]), progress_reports())
     except StoreError as error:
         return _fail("store", error.message, error.hint)
     except RecordingError as error:

@@ -6,22 +6,20 @@ while it is made: a slow reader slows it down, and if the reader disconnects it 
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import os
 import sys
 from pathlib import Path
 
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.priority import lower_priority
 
 
 def main() -> int:
     """Stream the recording that standard input requests."""
     die_with_parent()
-    with contextlib.suppress(OSError):
-        os.nice(5)  # live devices come first
+    lower_priority(5)  # live devices come first
     request = json.loads(sys.stdin.read())
     columns = ColumnStore(Path(request["store"]))
     from imuscope.server.extensions.rerun.rrd.writer import Work, fill, stream_of
