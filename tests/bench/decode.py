@@ -14,16 +14,20 @@ Safety (idtp_mixed.py writes a file). A frame alone, as a live stream has them, 
 
 from __future__ import annotations
 
+import sys
 import time
 import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols.events import Batch, Decoder, Reply, Text
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.recordings.freed_memory import keep_freed_memory
-from tests.bench.report import options_of, report
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from imuscope.protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
+from imuscope.protocols.registry import PROTOCOLS  # noqa: E402
+from imuscope.recordings.freed_memory import keep_freed_memory  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 CHUNK = 1 << 20
 PASSES = 25

@@ -10,6 +10,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
 from imuscope.protocols.idtp.frames import LITE, SAFETY
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 

@@ -13,6 +13,8 @@ import struct
 import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.frames import DATA, build
 

@@ -17,19 +17,24 @@ Budget: 8 µs to feed and drain.
 from __future__ import annotations
 
 import random
+import sys
 import time
 import zlib
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.events import Batch
-from imuscope.protocols.idtp.frames import SAFETY
-from imuscope.protocols.idtp.simulator import IdtpSimulator
-from tests.bench import isb_mixed, serial_device
-from tests.bench.decode import decoder_of
-from tests.bench.report import report
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from imuscope.protocols.events import Batch  # noqa: E402
+from imuscope.protocols.idtp.frames import SAFETY  # noqa: E402
+from imuscope.protocols.idtp.simulator import IdtpSimulator  # noqa: E402
+from tests.bench import isb_mixed, serial_device  # noqa: E402
+from tests.bench.decode import decoder_of  # noqa: E402
+from tests.bench.report import report  # noqa: E402
 
 FRAMES, PASSES = 2000, 7
 BUDGET_US = 8

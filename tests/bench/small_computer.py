@@ -34,8 +34,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.bench import small_computer_parts as parts
-from tests.bench.report import options_of, report
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.bench import small_computer_parts as parts  # noqa: E402
+from tests.bench.report import options_of, report  # noqa: E402
 
 PARTS: dict[str, Callable[[parts.Place, float], dict[str, Any]]] = {
     "idle": parts.idle,

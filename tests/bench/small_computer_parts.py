@@ -27,6 +27,7 @@ from tests.bench.shared_port import held, relayed
 from tests.bench.start import importing
 from tests.server_process import ServerProcess
 
+ROOT = Path(__file__).resolve().parents[2]
 SETTLE_S = 3.0  # after the first samples: detection, the device's identity, the first recording tick
 RATE, DEVICES = 400.0, 3
 HOLDER_RATE, TOO_FAST = 2000.0, 2000.0
