@@ -28,6 +28,7 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.store import location
 from imuscope.server.extensions.fleet.upload import upload
 from tests import chromium
+from tests.browser.page_checks import click
 from tests.chromium import until
 from tests.conftest import READY
 from tests.extensions.fleet.synthetic_fleet import SyntheticFleet
@@ -276,8 +277,7 @@ def calibration(studio: Studio) -> None:
         until(page, READY)
         page.locator(".bar .device-name").click()
         page.get_by_role("button", name="Calibrate", exact=True).click()
-        page.get_by_role("button", name="Magnetometer").click()
-        until(page, "document.querySelectorAll('.calibration-halves .seen').length > 20")
+        click(page, "button", "Magnetometer", "document.querySelectorAll('.calibration-halves .seen').length > 20")
         keep(page, "calibration")
 
 
@@ -399,8 +399,7 @@ def evidence(studio: Studio) -> None:
     """The file itself, with both cursors."""
     with opened(studio) as page:
         page.keyboard.press("e")
-        page.get_by_role("button", name="Make the file").click()
-        until(page, "document.querySelector('dialog .jobs a') !== null")
+        click(page, "button", "Make the file", "document.querySelector('dialog .jobs a') !== null")
         with page.expect_download() as coming:
             page.locator("dialog .jobs a").click()
         page.goto(Path(coming.value.path()).rename(studio.folder / "evidence.html").as_uri())
@@ -425,8 +424,7 @@ def questions(studio: Studio) -> None:
         with studio.page_of(server.url, "#/questions") as page:
             page.get_by_label("Question in SQL").fill(QUESTION)
             page.get_by_role("button", name="Run").click()
-            page.get_by_role("button", name="Plot", exact=True).click()
-            until(page, "document.querySelectorAll('.answer-chart .points').length > 2")
+            click(page, "button", "Plot", "document.querySelectorAll('.answer-chart .points').length > 2", exact=True)
             page.evaluate(  # not the temporary folder of this program
                 "place => { document.querySelector('.question-store').textContent = `Recordings in ${place}`; }",
                 "s3://robots/drives",

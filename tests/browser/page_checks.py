@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from playwright.sync_api import Locator, Page
 
@@ -13,6 +13,7 @@ from tests.server_process import ROOT, ServerProcess
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 DESKTOP, PHONE = (1440, 900), (390, 844)
+ClickedRole = Literal["button", "link"]
 SILENT = "udp://:0"
 """A link on which nothing comes. A server without any source shows three simulators, which take a third of a core."""
 
@@ -144,6 +145,18 @@ def go_to(page: Page, place: str) -> None:
     """To another place of the page, as soon as it is drawn."""
     page.evaluate("place => { location.hash = place; }", place)
     drawn(page)
+
+
+def press(page: Page, key: str, then: str) -> None:
+    """Press a key, and wait until its effect holds."""
+    page.keyboard.press(key)
+    until(page, then)
+
+
+def click(page: Page, role: ClickedRole, name: str, then: str, *, exact: bool = False) -> None:
+    """Click a control, and wait until its effect holds."""
+    page.get_by_role(role, name=name, exact=exact).click()
+    until(page, then)
 
 
 def drawn(page: Page) -> None:

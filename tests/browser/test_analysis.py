@@ -11,7 +11,7 @@ from typing import Any
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, fits, serious, show, small_targets
+from tests.browser.page_checks import DESKTOP, PHONE, fits, press, serious, show, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until
 
@@ -57,8 +57,7 @@ def test_figures_on_a_desktop_and_a_phone(open_page: Callable[..., Page]) -> Non
     found = [figures(axis) for axis in "xyz"]
     with Story("xbus", answers={f"POST /api/analysis/{name}": found for name in ("psd", "allan")}) as story:
         page = story.open(open_page)
-        page.keyboard.press("a")
-        until(page, f"{CURVES} === 3")
+        press(page, "a", f"{CURVES} === 3")
         box = page.locator(".analysis-chart > svg").bounding_box()
         assert box is not None
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import PHONE, fits, serious, small_targets
+from tests.browser.page_checks import PHONE, click, fits, serious, small_targets
 from tests.browser.test_recordings import opened, recorded
 from tests.chromium import until
 from tests.server_process import ServerProcess
@@ -30,12 +30,10 @@ def test_a_recording_and_its_range(recorded: ServerProcess, open_page: Callable[
     what was compared.
     """
     page = opened(recorded, open_page)
-    page.get_by_role("button", name="Compare", exact=True).click()
-    until(page, f"{PAIRS} === 3 && {SECOND} === 3 && {DIFFERENCES} === 3")
+    click(page, "button", "Compare", f"{PAIRS} === 3 && {SECOND} === 3 && {DIFFERENCES} === 3", exact=True)
     page.get_by_label("B: recording or device").select_option("yard")
     until(page, f"{TEXT}.includes('0 … 0 m/s²')")
-    page.get_by_role("button", name="Align by cross-correlation").click()
-    until(page, f"/0 s ± [0-9.·⁻¹²³⁴⁵⁶⁷⁸⁹−]+ s/.test({TEXT})")
+    click(page, "button", "Align by cross-correlation", f"/0 s ± [0-9.·⁻¹²³⁴⁵⁶⁷⁸⁹−]+ s/.test({TEXT})")
     assert serious(page, MAIN) == []
 
     whole = page.evaluate(LABELS)

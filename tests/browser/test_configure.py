@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
+from tests.browser.page_checks import click
 from tests.browser.test_pictures import SIZES, picture
 from tests.chromium import until
 from tests.server_process import ServerProcess
@@ -52,8 +53,7 @@ def test_a_rate_is_changed_in_five_actions_the_plot_follows_and_a_profile_goes_b
     until(page, "document.querySelector('.previous')?.innerText === 'was 100 Hz'")
     page.get_by_role("button", name="Apply", exact=True).click()  # 4
     until(page, "/1 of 1 settings written and read back/.test(document.querySelector('.apply-bar')?.innerText)")
-    page.get_by_role("link", name="Live", exact=True).click()  # 5
-    until(page, f"Math.abs(({RATE})('Acceleration') - 50) < 5")
+    click(page, "link", "Live", f"Math.abs(({RATE})('Acceleration') - 50) < 5", exact=True)  # 5
     until(page, "document.querySelector('.plots canvas') !== null")
 
     page.get_by_role("link", name="Configure").click()

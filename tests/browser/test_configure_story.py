@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import PHONE, WATCH, drawn, fits, go_to, serious, small_targets
+from tests.browser.page_checks import PHONE, WATCH, click, drawn, fits, go_to, press, serious, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until
 
@@ -59,12 +59,10 @@ def nothing_moves_while_traffic_comes(story: Story, page: Page) -> None:
 def keys_rest_while_a_question_is_open(page: Page) -> None:
     """Keys led away from it, and Esc left it open."""
     shown(page, "RestoreFactoryDef")
-    page.get_by_role("button", name="Send", exact=True).click()
-    until(page, "document.querySelector('dialog[open]') !== null")
+    click(page, "button", "Send", "document.querySelector('dialog[open]') !== null", exact=True)
     page.keyboard.press("g")
     page.keyboard.press("l")
-    page.keyboard.press("Escape")
-    until(page, "document.querySelector('dialog') === null")
+    press(page, "Escape", "document.querySelector('dialog') === null")
     assert "#/configure" in page.url
 
 

@@ -20,7 +20,7 @@ from imuscope.server.extensions.calibration.kinds import METHODS
 from imuscope.server.extensions.calibration.magnetometer import magnetometer_iron
 from imuscope.server.extensions.calibration.report import CalibrationReport
 from imuscope.server.extensions.calibration.routes import AvailableCalibration, CalibrationState
-from tests.browser.page_checks import PHONE, fits, serious, small_targets
+from tests.browser.page_checks import PHONE, click, fits, press, serious, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until
 
@@ -83,11 +83,9 @@ def test_dialogs_of_a_device_on_a_phone(open_page: Callable[..., Page]) -> None:
             one |= {"link": "serial", "source": "/dev/ttyUSB0"}
         page = story.open(open_page, width=PHONE[0], height=PHONE[1], touch=True)
         page.locator(".bar .device-name").click()
-        page.get_by_role("button", name="Calibrate", exact=True).click()
-        until(page, "document.querySelector('.calibration-kinds') !== null")
+        click(page, "button", "Calibrate", "document.querySelector('.calibration-kinds') !== null", exact=True)
         usable(page, colours=False)
-        page.get_by_role("button", name="Magnetometer").click()
-        until(page, f"{SEEN} > 3")
+        click(page, "button", "Magnetometer", f"{SEEN} > 3")
         assert page.get_by_role("button", name="Finish now").is_disabled()
         assert "Not yet: Only" in page.evaluate(f"{DIALOG}.innerText")
         assert page.evaluate("document.querySelectorAll('.calibration-halves circle').length") == 1
@@ -99,14 +97,11 @@ def test_dialogs_of_a_device_on_a_phone(open_page: Callable[..., Page]) -> None:
         until(page, "document.querySelector('.calibration-result') !== null")
         assert "Residual after" in page.evaluate(f"{DIALOG}.innerText")
         usable(page)
-        page.keyboard.press("Escape")
-        until(page, f"{DIALOG} === null")
+        press(page, "Escape", f"{DIALOG} === null")
 
         if page.get_by_role("button", name="Share port").count() == 0:
             page.locator("[aria-controls=rail]:visible").first.click()
-        page.get_by_role("button", name="Share port").click()
-        until(page, f"{DIALOG}?.innerText.includes('1.5 kB')")
+        click(page, "button", "Share port", f"{DIALOG}?.innerText.includes('1.5 kB')")
         assert page.get_by_role("button", name=f"Disconnect {CLIENT['peer']}").is_visible()
-        page.get_by_role("button", name="TCP", exact=True).click()
-        until(page, f"{DIALOG}.querySelector('input[type=checkbox]') !== null")
+        click(page, "button", "TCP", f"{DIALOG}.querySelector('input[type=checkbox]') !== null", exact=True)
         usable(page)

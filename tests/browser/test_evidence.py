@@ -18,7 +18,7 @@ import pyarrow as pa
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import PHONE, SILENT, serious
+from tests.browser.page_checks import PHONE, SILENT, click, press, serious
 from tests.browser.test_recordings import opened
 from tests.chromium import until
 from tests.extensions.evidence.evidence_harness import content_in
@@ -43,8 +43,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess
 def made(page: Page, folder: Path) -> Path:
     """The file that the dialog makes."""
     page.keyboard.press("e")
-    page.get_by_role("button", name="Make the file").click()
-    until(page, MADE)
+    click(page, "button", "Make the file", MADE)
     with page.expect_download() as coming:
         page.locator("dialog .jobs a").first.click()
     path = folder / coming.value.suggested_filename
@@ -105,12 +104,9 @@ def test_a_file_measures_offline_what_the_recording_holds(
     assert values[5] == pytest.approx(z[within].mean(), abs=6e-4)
     assert values[0] == pytest.approx(z[np.abs(times - a).argmin()], abs=6e-4)
     assert values[4] == pytest.approx(z[within].max(), abs=6e-4)
-    page.keyboard.press(".")
-    until(page, f"{CHIP.replace('NAME', repr('A'))} !== undefined")
-    page.keyboard.press("0")
-    until(page, f"{AXIS} === {whole!r}")
-    page.keyboard.press("Escape")
-    until(page, "document.querySelector('.measured') === null")
+    press(page, ".", f"{CHIP.replace('NAME', repr('A'))} !== undefined")
+    press(page, "0", f"{AXIS} === {whole!r}")
+    press(page, "Escape", "document.querySelector('.measured') === null")
     page.locator("button.time", has_text=re.compile(r"\d")).first.click()
     assert cursor(page, "A") > 0
     assert serious(page) == []

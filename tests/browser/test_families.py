@@ -13,7 +13,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, drawn, fits, serious, show, small_targets
+from tests.browser.page_checks import DESKTOP, PHONE, drawn, fits, press, serious, show, small_targets
 from tests.browser.stories import Story
 from tests.chromium import until
 
@@ -97,8 +97,7 @@ def test_the_track_is_large_with_a_map_where_there_is_one(open_page: Callable[..
         drawn(page)
         assert serious(page, "document.querySelector('dialog')") == []
         assert page.get_by_role("dialog").get_by_role("button", name="Map", exact=True).count() == 0
-        page.keyboard.press("Escape")
-        until(page, "document.querySelector('dialog') === null")
+        press(page, "Escape", "document.querySelector('dialog') === null")
         assert page.evaluate("document.activeElement.className") == "enlarge"
         assert "GET /api/map" in story.asked
         assert not [one for one in story.asked if "/tiles/" in one], "no map was configured"

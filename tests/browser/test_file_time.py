@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import SILENT, drawn, fits, serious, show, small_targets
+from tests.browser.page_checks import SILENT, drawn, fits, press, serious, show, small_targets
 from tests.chromium import until
 from tests.recordings.recorded_drive import drive
 from tests.server_process import ServerProcess
@@ -84,8 +84,7 @@ def test_the_dialog_fits_a_phone(server: ServerProcess, open_page: Callable[...,
     until(page, f"{DIALOG}?.querySelectorAll('tbody tr').length > 3")
     assert fits(page, place="document.querySelector('dialog[open]')")
     assert small_targets(page, "document.querySelector('dialog[open]')") == []
-    page.keyboard.press("Escape")
-    until(page, f"{DIALOG} === null")
+    press(page, "Escape", f"{DIALOG} === null")
 
 
 def test_another_clock_is_used_and_stays(server: ServerProcess, open_page: Callable[..., Page]) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import PHONE, fits, serious, small_targets
+from tests.browser.page_checks import PHONE, click, fits, press, serious, small_targets
 from tests.chromium import until
 from tests.extensions.fleet.synthetic_fleet import SyntheticFleet
 from tests.waiting import block_until
@@ -55,16 +55,13 @@ def test_a_fleet(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
 def reach_by_keys(page: Page, *others: object) -> None:
     go(page, "#/fleet?sort=name", f"{NAMES}[0] === 'amr-001'")
     page.get_by_role("grid").focus()
-    page.keyboard.press("End")
-    until(page, "document.querySelector('.fleet-row.active a')?.textContent === 'amr-150'")
+    press(page, "End", "document.querySelector('.fleet-row.active a')?.textContent === 'amr-150'")
     until(page, "document.querySelector('.fleet-row.active').getBoundingClientRect().bottom <= innerHeight")
     page.keyboard.press("Home")
     for _ in range(4):
         page.keyboard.press("ArrowDown")
-    page.keyboard.press("ArrowRight")  # it has two devices
-    until(page, "document.querySelectorAll('.fleet-row.of-device').length === 2")
-    page.keyboard.press("Enter")
-    until(page, "document.querySelector('.fleet-details h2')?.textContent === 'amr-005'")
+    press(page, "ArrowRight", "document.querySelectorAll('.fleet-row.of-device').length === 2")  # it has two devices
+    press(page, "Enter", "document.querySelector('.fleet-details h2')?.textContent === 'amr-005'")
     until(page, "document.querySelectorAll('.fleet-device').length === 2")
     link = page.get_by_role("link", name="Configure", exact=True).last
     assert link.get_attribute("href") == "/robots/amr-005/#/configure"
@@ -78,15 +75,13 @@ def reach_by_keys(page: Page, *others: object) -> None:
 def show_on_a_map(page: Page, _: SyntheticFleet, lost: set[str]) -> None:
     go(page, "#/fleet?view=list")
     page.locator(".fleet-summary").get_by_role("button", name="Lost").click()
-    page.get_by_role("button", name="Map", exact=True).click()
-    until(page, "document.querySelectorAll('.map-cell').length === 150")
+    click(page, "button", "Map", "document.querySelectorAll('.map-cell').length === 150", exact=True)
     assert page.evaluate("document.querySelectorAll('.map-cell:not(.faint)').length") == len(lost)
     page.get_by_role("listbox").focus()
     for key in ("Home", "ArrowDown", "ArrowRight", "ArrowUp"):
         page.keyboard.press(key)
     until(page, "document.querySelector('.map-line b')?.innerText === 'amr-002'")
-    page.keyboard.press("Enter")
-    until(page, "document.querySelector('.fleet-details h2')?.textContent === 'amr-002'")
+    press(page, "Enter", "document.querySelector('.fleet-details h2')?.textContent === 'amr-002'")
     assert page.evaluate("location.hash") == "#/fleet?show=lost&view=map&robot=amr-002"
     assert serious(page, "document.querySelector('main')") == []
 
@@ -125,8 +120,7 @@ def hold_still_while_figures_change(page: Page, fleet: SyntheticFleet, _: object
     assert page.evaluate(f"{ROWS}.map(row => row.innerText).join()") != shown
     assert page.evaluate(NAMES) == names
     assert page.evaluate(BOXES) == boxes
-    page.get_by_role("button", name="Sort now").click()
-    until(page, f"{NAMES}.join() !== {','.join(names)!r}")
+    click(page, "button", "Sort now", f"{NAMES}.join() !== {','.join(names)!r}")
 
 
 def use_a_phone(page: Page, *others: object) -> None:
@@ -141,5 +135,4 @@ def use_a_phone(page: Page, *others: object) -> None:
     assert page.evaluate("document.querySelector('.fleet-details').getBoundingClientRect().top") == 52
     small = small_targets(page)
     assert not small, "\n".join(small)
-    page.get_by_role("button", name="Close the details").click()
-    until(page, "document.querySelector('.fleet-details') === null")
+    click(page, "button", "Close the details", "document.querySelector('.fleet-details') === null")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import serious, show
+from tests.browser.page_checks import click, press, serious, show
 from tests.browser.test_panels import ABOUT, BYTES, COUNTED, HISTOGRAM, INK, OUTLINES, XY
 from tests.browser.test_panels import MEASURED as PANEL
 from tests.browser.test_recordings import opened, recorded
@@ -29,8 +29,7 @@ COPIED = "window.copied = undefined; navigator.clipboard.writeText = async text 
 def figures(page: Page) -> list[dict[str, str]]:
     """The lines of the table as copied."""
     page.evaluate(COPIED)
-    page.get_by_role("button", name="Copy CSV").click()
-    until(page, "window.copied !== undefined")
+    click(page, "button", "Copy CSV", "window.copied !== undefined")
     return list(csv.DictReader(io.StringIO(page.evaluate("window.copied"))))
 
 
@@ -56,8 +55,7 @@ def measure_as_numpy(recorded: ServerProcess, page: Page, whole: bool) -> None:
             """const {end, span} = imuscope.view.value;
             imuscope.actions.select(end - 0.7 * span, end - 0.3 * span);"""
         )
-    page.keyboard.press("b")
-    until(page, COUNTED)
+    press(page, "b", COUNTED)
     rows = {row["signal"]: row for row in figures(page)}
     [info] = recorded.ask("GET", "/api/recordings")
     device = page.evaluate("imuscope.view.value.device")
@@ -88,16 +86,14 @@ def measure_as_numpy(recorded: ServerProcess, page: Page, whole: bool) -> None:
         for key, value in expected.items():
             assert float(row[key]) == pytest.approx(value, rel=1e-6, abs=1e-9), key
         assert row["slope_unit"] == samples["units"]["values"].replace("m/s²", "m/s³").replace("°/s", "°/s²")
-    page.keyboard.press("b")
-    until(page, f"{PANEL} === null")
+    press(page, "b", f"{PANEL} === null")
 
 
 def go_to_a_condition(recorded: ServerProcess, page: Page) -> None:
     """Opened by a key, typed, and gone to; the key N goes on."""
     page.keyboard.press("j")
     page.keyboard.type("norm(Acceleration) > 9.9 m/s²")
-    page.keyboard.press("Enter")
-    until(page, "document.querySelector('.go-to-said')?.innerText.includes('UTC, true')")
+    press(page, "Enter", "document.querySelector('.go-to-said')?.innerText.includes('UTC, true')")
     first = page.evaluate("imuscope.cursor.value.time")
     [info] = recorded.ask("GET", "/api/recordings")
     body = {
@@ -108,15 +104,13 @@ def go_to_a_condition(recorded: ServerProcess, page: Page) -> None:
     [found] = recorded.ask("POST", "/api/analysis/intervals", body)
     assert found["figures"]["begin"][0] == pytest.approx(first, abs=1e-6)
     page.evaluate("document.activeElement.blur()")
-    page.keyboard.press("n")
-    until(page, f"imuscope.cursor.value.time > {first}")
+    press(page, "n", f"imuscope.cursor.value.time > {first}")
     assert page.evaluate("imuscope.cursor.value.time") == pytest.approx(found["figures"]["begin"][1], abs=1e-6)
     assert serious(page, "document.querySelector('.go-to')") == []
 
 
 def open_the_bytes(page: Page) -> None:
-    page.keyboard.press("p")
-    until(page, BYTES)
+    press(page, "p", BYTES)
     assert page.get_by_role("button", name="Show in plot").is_visible()
     page.keyboard.press("Escape")
 
@@ -136,8 +130,7 @@ def zoom_the_y_axis(recorded: ServerProcess, page: Page) -> None:
     labels.press("Enter")
     until(page, "document.querySelector('dialog[open] .y-axis-form') !== null")
     assert serious(page, "document.querySelector('dialog[open]')") == []
-    page.get_by_role("button", name="Automatic", exact=True).click()
-    until(page, "document.querySelector('.y-mark').textContent === ''")
+    click(page, "button", "Automatic", "document.querySelector('.y-mark').textContent === ''", exact=True)
 
 
 def pair_on_the_server(recorded: ServerProcess, page: Page) -> None:

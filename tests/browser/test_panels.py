@@ -13,7 +13,19 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, drag, drawn, fits, reload, serious, show, small_targets
+from tests.browser.page_checks import (
+    DESKTOP,
+    PHONE,
+    click,
+    drag,
+    drawn,
+    fits,
+    press,
+    reload,
+    serious,
+    show,
+    small_targets,
+)
 from tests.browser.stories import Answer, Story
 from tests.chromium import until
 
@@ -119,8 +131,7 @@ def test_a_page_is_arranged_with_the_mouse_and_kept(open_page: Callable[..., Pag
         plots_are_moved_and_sized(page)
         panels_are_arranged(page)
         signals_are_plotted(page)
-        page.keyboard.press("Escape")
-        until(page, f"{TREE} === null")
+        press(page, "Escape", f"{TREE} === null")
         show(page, "XY plot", "Histogram")
         until(page, f"/[1-9].* samples? · same sample times/.test({ABOUT})")
         until(page, f"{INK} > 20 && {OUTLINES} === 3")
@@ -133,8 +144,7 @@ def test_a_page_is_arranged_with_the_mouse_and_kept(open_page: Callable[..., Pag
         page.locator("[data-panel=xy] canvas").scroll_into_view_if_needed()  # the plots above keep their room
         until(page, f"{OWN} === 2 && {INK} > 20")
         page.keyboard.press("w")
-        page.get_by_role("button", name="Default layout").click()
-        until(page, f"{PANELS} === 'attitude plots values health alarms events'")
+        click(page, "button", "Default layout", f"{PANELS} === 'attitude plots values health alarms events'")
 
 
 def plots_are_moved_and_sized(page: Page) -> None:
@@ -146,12 +156,9 @@ def plots_are_moved_and_sized(page: Page) -> None:
     drawn(page)
     drawn(page)  # a plot has its height a frame later than the pointer
     sized = page.evaluate(HEIGHT)
-    page.keyboard.press("w")  # the list of the workspace has the same for the keyboard
-    until(page, f"{SHEET} !== null")
-    page.get_by_role("button", name="Make Rate of turn taller").click()
-    until(page, f"{HEIGHT} === {sized + 24}")
-    page.get_by_role("button", name="Automatic height of Rate of turn").click()
-    until(page, f"Math.abs({HEIGHT} - {height}) < 4")
+    press(page, "w", f"{SHEET} !== null")  # the list of the workspace has the same for the keyboard
+    click(page, "button", "Make Rate of turn taller", f"{HEIGHT} === {sized + 24}")
+    click(page, "button", "Automatic height of Rate of turn", f"Math.abs({HEIGHT} - {height}) < 4")
 
 
 def panels_are_arranged(page: Page) -> None:
@@ -166,19 +173,16 @@ def panels_are_arranged(page: Page) -> None:
     assert at is not None
     drag(page, row, 0, to["y"] - at["y"] - 5)
     until(page, f"{PANELS} === 'attitude plots events health values alarms'")
-    page.keyboard.press("Escape")
-    until(page, f"{SHEET} === null")
+    press(page, "Escape", f"{SHEET} === null")
     page.locator("[data-panel=values] h2").dblclick()
     until(page, f"document.querySelector('.maximised')?.clientWidth === {DESKTOP[0]}")
-    page.keyboard.press("Escape")
-    until(page, "document.querySelector('.maximised') === null")
+    press(page, "Escape", "document.querySelector('.maximised') === null")
 
 
 def signals_are_plotted(page: Page) -> None:
     """In two actions, and by dragging: under the plots, and onto one, which gets a second axis."""
     page.keyboard.press("s")  # 1
-    page.get_by_role("button", name="Plot Acceleration on a new plot").click()  # 2
-    until(page, f"{OWN} === 1")
+    click(page, "button", "Plot Acceleration on a new plot", f"{OWN} === 1")  # 2
     page.get_by_role("treeitem", name="Rate of turn").drag_to(page.locator(".stack .more-quantities"))
     until(page, f"{OWN} === 2")
     own = page.locator(".stack .plot", has=page.locator(".remove-plot")).first
@@ -198,8 +202,7 @@ def test_clicks_measure_and_lead_to_the_bytes(open_page: Callable[..., Page]) ->
         page.keyboard.down("Shift")
         page.mouse.click(where(page, 0.6), y)
         page.keyboard.up("Shift")
-        page.get_by_role("button", name="Pause").click()
-        until(page, COUNTED)
+        click(page, "button", "Pause", COUNTED)
         assert serious(page, MEASURED) == []
         drawn(page)  # the window as paused
         span, end, b = page.evaluate("[imuscope.view.value.span, imuscope.view.value.end, imuscope.measure.value]")
@@ -217,20 +220,16 @@ def test_clicks_measure_and_lead_to_the_bytes(open_page: Callable[..., Page]) ->
             """imuscope.store.channels.value.some(({info, ring}) => info.name === 'Acceleration'
                 && Array.from({length: ring.length}, (_, i) => ring.time(i)).includes(imuscope.measure.value))""",
         )
-        page.keyboard.press("Escape")
-        until(page, f"{MEASURED} === null")
+        press(page, "Escape", f"{MEASURED} === null")
         page.get_by_role("button", name="Live", exact=True).click()
-        page.keyboard.press("b")
-        until(page, COUNTED)
-        page.keyboard.press("b")
-        until(page, f"{MEASURED} === null")
+        press(page, "b", COUNTED)
+        press(page, "b", f"{MEASURED} === null")
 
         page.mouse.click(where(page, 0.4), area(page)[2], button="right")
         until(page, BYTES)
         assert any(one.startswith("GET /api/devices/1/frames?") for one in story.asked)
         assert serious(page, "document.querySelector('dialog')") == []
-        page.get_by_role("button", name="Show in plot").click()
-        until(page, f"{DIALOG} === null && imuscope.cursor.value?.kind === 'pinned'")
+        click(page, "button", "Show in plot", f"{DIALOG} === null && imuscope.cursor.value?.kind === 'pinned'")
 
 
 def test_a_thumb_arranges_plots_and_measures(open_page: Callable[..., Page]) -> None:
@@ -260,23 +259,19 @@ def a_thumb_measures_and_reads_bytes(page: Page) -> None:
     until(page, COUNTED)
     assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
     assert small_targets(page, MEASURED) == []
-    page.keyboard.press("p")
-    until(page, BYTES)
+    press(page, "p", BYTES)
     width = "document.querySelector('dialog').scrollWidth - document.querySelector('dialog').clientWidth"
     assert page.evaluate(width) <= 0
-    page.keyboard.press("Escape")
-    until(page, f"{DIALOG} === null")
+    press(page, "Escape", f"{DIALOG} === null")
 
 
 def a_thumb_plots_signals(page: Page) -> None:
     page.get_by_role("button", name="All signals…").click()
     page.get_by_role("treeitem", name="Acceleration").first.click()
-    page.get_by_role("button", name="New plot", exact=True).click()
-    until(page, f"{OWN} === 1")
+    click(page, "button", "New plot", f"{OWN} === 1", exact=True)
     assert fits(page)
     assert small_targets(page, TREE) == []
-    page.get_by_role("button", name="Close", exact=True).click()
-    until(page, f"{TREE} === null")
+    click(page, "button", "Close", f"{TREE} === null", exact=True)
     page.locator(".stack .remove-plot").first.click()
     until(page, f"{OWN} === 0")
 

@@ -14,7 +14,7 @@ from playwright.sync_api import Page
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.store import location
 from imuscope.server.extensions.fleet.upload import upload
-from tests.browser.page_checks import PHONE, SILENT, fits, serious, small_targets
+from tests.browser.page_checks import PHONE, SILENT, click, fits, serious, small_targets
 from tests.chromium import until
 from tests.recordings.recorded_drive import drive
 from tests.server_process import ServerProcess
@@ -51,8 +51,7 @@ def test_a_question_from_the_page_to_the_recording(asked: ServerProcess, open_pa
     lines = Path(coming.value.path()).read_text().splitlines()
     assert (lines[0], len(lines)) == ("recording,minute,signal,mean", len(means) + 1)
     assert serious(page) == []
-    page.get_by_role("button", name="Plot", exact=True).click()
-    until(page, "document.querySelectorAll('.answer-chart .points').length === 3")
+    click(page, "button", "Plot", "document.querySelectorAll('.answer-chart .points').length === 3", exact=True)
     assert page.locator(".answer-chart .axis-x").count() == 1
     assert serious(page, "document.querySelector('.query-answer')") == []
 

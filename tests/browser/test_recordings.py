@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, SILENT, show
+from tests.browser.page_checks import DESKTOP, PHONE, SILENT, click, press, show
 from tests.chromium import until
 from tests.conftest import READY
 from tests.server_process import ServerProcess
@@ -66,21 +66,17 @@ def test_from_the_record_button_to_the_list(
     until(page, READY)
     show(page, "Notes")
     until(page, f"{NOTES}?.innerText.includes('Start one with Record')")
-    page.get_by_role("button", name="Record", exact=True).click()
-    until(page, "window.imuscope.store.recorder.value?.running === true")
+    click(page, "button", "Record", "window.imuscope.store.recorder.value?.running === true", exact=True)
     page.get_by_role("button", name="Write notes").click()
     page.get_by_label("Notes of the recording").fill("Start of the run")
     page.get_by_role("button", name="Insert time").click()
-    page.get_by_role("button", name="Save", exact=True).click()
-    until(page, f"{NOTES_TEXT}?.startsWith('Start of the run')")
-    page.keyboard.press("m")
-    until(page, "document.body.innerText.includes('Marker at')")
+    click(page, "button", "Save", f"{NOTES_TEXT}?.startsWith('Start of the run')", exact=True)
+    press(page, "m", "document.body.innerText.includes('Marker at')")
     until(page, "window.imuscope.store.recorder.value.bytes > 500")
     page.get_by_role("link", name="Recordings").first.click()
     until(page, "document.querySelector('.recording-list')?.innerText.includes('recording now')")
     assert page.evaluate("window.imuscope.store.recorder.value.running")  # another page stops nothing
-    page.keyboard.press("Shift+R")
-    until(page, f"!window.imuscope.store.recorder.value.running && {FIRST} !== null")
+    press(page, "Shift+R", f"!window.imuscope.store.recorder.value.running && {FIRST} !== null")
     [info] = server.ask("GET", "/api/recordings")
     assert info["markers"] == 1
     assert info["notes"].startswith("Start of the run [")
@@ -209,12 +205,10 @@ def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
 
 def analyse(recorded: ServerProcess, page: Page) -> None:
     """A spectrum in one action, and of an expression in one more."""
-    page.keyboard.press("a")
-    until(page, f"{CURVES} === 3 && document.querySelector('dialog[open]').innerText.includes('at {RATE} Hz')")
+    press(page, "a", f"{CURVES} === 3 && document.querySelector('dialog[open]').innerText.includes('at {RATE} Hz')")
     page.get_by_label("Signals or expressions").fill("norm(Acceleration) - 1 g")
     until(page, f"{CURVES} === 1")
-    page.get_by_role("button", name="Spectrogram").click()
-    until(page, "document.querySelectorAll('dialog[open] .spectrogram > canvas').length > 0")
+    click(page, "button", "Spectrogram", "document.querySelectorAll('dialog[open] .spectrogram > canvas').length > 0")
 
 
 def share_a_link(page: Page) -> None:
@@ -223,8 +217,7 @@ def share_a_link(page: Page) -> None:
     for _ in range(5):
         page.keyboard.press("+")
     page.keyboard.press("2")  # hides the second series
-    page.get_by_role("button", name="Copy link").click()
-    until(page, "document.querySelector('.transport').innerText.includes('Link copied')")
+    click(page, "button", "Copy link", "document.querySelector('.transport').innerText.includes('Link copied')")
     was = view_of(page)
     page.reload()
     until(page, DRAWN)
@@ -240,8 +233,7 @@ def share_a_link_while_it_plays(page: Page) -> None:
     """The address did not follow the view any more after it."""
     begin = page.evaluate("() => (window.imuscopeReplay.toggle(), window.imuscopeReplay.head)")
     until(page, f"window.imuscopeReplay.head > {begin}")
-    page.get_by_role("button", name="Copy link").click()
-    until(page, "document.querySelector('.transport').innerText.includes('Link copied')")
+    click(page, "button", "Copy link", "document.querySelector('.transport').innerText.includes('Link copied')")
     page.evaluate("() => window.imuscopeReplay.toggle()")
     until(page, "window.imuscopeAddress?.()")
 

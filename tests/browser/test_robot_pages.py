@@ -7,7 +7,7 @@ from pathlib import Path
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import serious
+from tests.browser.page_checks import click, serious
 from tests.chromium import until
 from tests.extensions.fleet.robot_with_pages import CONTROL, fleet_of
 
@@ -20,8 +20,7 @@ def test_a_robot_is_opened_from_the_fleet_and_lost(tmp_path: Path, open_page: Ca
         until(page, f"/otter 7/.test({ROW}.innerText) && /MTi-630/.test({ROW}.innerText) && /Hz/.test({ROW}.innerText)")
         until(page, f"{ROW}.querySelector('.dot').classList.contains('live')")
         assert page.locator(".nav").inner_text().split() == ["Fleet", "Recordings"]
-        page.get_by_role("link", name="Open the page of otter 7").click()
-        until(page, "location.pathname === '/robots/otter%207/'")
+        click(page, "link", "Open the page of otter 7", "location.pathname === '/robots/otter%207/'")
         until(page, "/Round trip \\d+/.test(document.querySelector('.through-fleet')?.innerText)")
         until(page, "document.querySelectorAll('.main canvas, main canvas').length > 1")
         assert serious(page, colours=False) == []

@@ -17,6 +17,7 @@ from playwright.sync_api import Browser, Page
 
 from imuscope.protocols.rotations import of_euler
 from tests import chromium, conftest
+from tests.browser.page_checks import click
 from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY
 from tests.server_process import ServerProcess
@@ -156,11 +157,9 @@ def test_the_viewer_is_shown_on_request(serve: Callable[..., ServerProcess], ope
     inner = page.locator(".viewer iframe").element_handle().content_frame()
     assert inner is not None
     until(inner, CONNECTED)
-    page.get_by_role("button", name="Full screen").click()
-    until(page, "document.fullscreenElement?.className === 'viewer'")
+    click(page, "button", "Full screen", "document.fullscreenElement?.className === 'viewer'")
     page.evaluate("document.exitFullscreen()")
-    page.get_by_role("button", name="Close the 3D scene").click()
-    until(page, "!document.querySelector('iframe')")
+    click(page, "button", "Close the 3D scene", "!document.querySelector('iframe')")
 
 
 def keep(page: Page, name: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import PHONE, fits, serious, show, small_targets
+from tests.browser.page_checks import PHONE, fits, press, serious, show, small_targets
 from tests.chromium import until
 from tests.recordings.recorded_drive import drive
 from tests.server_process import ServerProcess
@@ -42,8 +42,7 @@ def test_figures_lead_to_the_clocks_of_the_stream(server: ServerProcess, open_pa
     assert plots.count() >= 2
     assert plots.first.locator(".file-time-band").first.get_attribute("d")
     assert serious(page, DIALOG) == []
-    page.keyboard.press("Escape")
-    until(page, f"{DIALOG} === null")
+    press(page, "Escape", f"{DIALOG} === null")
 
     page.locator(".health-list").get_by_role("link", name="Arrival jitter").press("Enter")
     until(page, MEASURED)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, opened, reload, serious
+from tests.browser.page_checks import DESKTOP, click, opened, reload, serious
 from tests.chromium import until
 from tests.server_process import ServerProcess
 
@@ -27,8 +27,7 @@ def layout(page: Page) -> str:
 
 def save(page: Page, name: str) -> None:
     page.get_by_label("Name of a new workspace").fill(name)
-    page.get_by_role("button", name="Save as new").click()
-    until(page, f"{SHEET}.innerText.includes('{name} is saved.')")
+    click(page, "button", "Save as new", f"{SHEET}.innerText.includes('{name} is saved.')")
 
 
 def follow_link(page: Page, wanted: str) -> None:
@@ -52,8 +51,7 @@ def save_both(page: Page, other: Page) -> None:
         one.get_by_label("Stored workspace").select_option("Bench 3")
         until(one, f"{SHEET}.innerText.includes('Bench 3 is open.')")
     page.get_by_label("Place of Health").select_option("hidden")
-    page.get_by_role("button", name="Save", exact=True).click()
-    until(page, f"{SHEET}.innerText.includes('Bench 3 is saved.')")
+    click(page, "button", "Save", f"{SHEET}.innerText.includes('Bench 3 is saved.')", exact=True)
     other.get_by_role("button", name="Save", exact=True).click()
     until(other, f"{SHEET}.innerText.includes('was changed since it was opened')")
     other.get_by_role("button", name="Open the newer one").click()
