@@ -58,7 +58,7 @@ def test_a_table_is_asked_about_once_for_its_heading(
     )
     dialog = page.locator("dialog[open]")
     assert "Read first.csv" in dialog.inner_text()
-    assert dialog.locator("th.vector").all_inner_texts() == ["gyr"]
+    assert dialog.locator("th.of-vector").all_inner_texts() == ["gyr"]
     assert dialog.get_by_role("button", name="Read it so").is_disabled()
     assert serious(page, f"{DIALOG}") == []
     dialog.get_by_role("button", name="ms 1 kHz").click()

@@ -76,7 +76,7 @@ export function Chart({
       </g>
       {xTitle !== undefined && (
         <text
-          class="title"
+          class="chart-title"
           x={margins.left + area.width / (xTitleAt === "middle" ? 2 : 1)}
           y={height - 4}
           text-anchor={xTitleAt}
@@ -84,7 +84,7 @@ export function Chart({
           {xTitle}
         </text>
       )}
-      <text class="title" x={yTitleX} y={12}>
+      <text class="chart-title" x={yTitleX} y={12}>
         {yTitle}
       </text>
     </svg>

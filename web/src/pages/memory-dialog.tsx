@@ -90,7 +90,7 @@ export function MemoryDialog({ app, onClose }: Props) {
   const late = !gone && part.value === "view" && links.length > 0 && begins > t0 + MARGIN_S;
   return (
     <Dialog title={TEXT.saveFromMemory} onClose={onClose}>
-      <div class="from-memory-dialog">
+      <div class="from-memory-dialog stacked">
         <Segmented
           label={TEXT.partToSave}
           class="full-width"

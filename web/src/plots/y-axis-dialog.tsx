@@ -80,7 +80,7 @@ function Form({ viewState, plot, range }: Props) {
             </span>
           </label>
         ))}
-        <label class="check">
+        <label class="y-axis-log">
           <input
             type="checkbox"
             checked={isLog.value}

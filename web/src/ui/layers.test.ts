@@ -70,6 +70,15 @@ describe("layers of style", () => {
   });
 });
 
+/** Folders whose elements are shown only together with those of another folder, whose sheets are there by then. */
+const GUESTS: Readonly<Record<string, readonly string[]>> = {
+  "../charts": ["analysis", "fleet/questions", "histogram", "xy"].map((name) => `../extensions/${name}`),
+  "../extensions/workspaces": ["../extensions/alarms"],
+  "../forms": ["../pages/configure", "../extensions/rollouts", "../extensions/traffic"],
+  "../pages/configure": ["../forms", "../extensions/corrections", "../extensions/rollouts"],
+  "../plots": [".."], // of the first load
+};
+
 describe("classes", () => {
   const code = Object.keys(
     import.meta.glob(["../**/*.{ts,tsx}", "!../**/*.test.*", "!../texts/*", "!../extensions/**/{texts,*-texts}.ts"]),
@@ -98,5 +107,12 @@ describe("classes", () => {
     }
     expect(owners.size).toBeGreaterThan(2 * FILES.length);
     expect([...owners].filter(([, folders]) => folders.size > 1)).toEqual([]);
+    const foreign = code.flatMap((file) =>
+      [...read(file).matchAll(/(?:class|look)(?:=|: )\{?["`]([^"`]*)/g)]
+        .flatMap(([, names = ""]) => names.split(" "))
+        .flatMap((name) => [...(owners.get(name) ?? [])].map((owner) => ({ file, name, owner })))
+        .filter(({ owner }) => ![owner, ...(GUESTS[owner] ?? [])].some((folder) => file.startsWith(`${folder}/`))),
+    );
+    expect(foreign).toEqual([]);
   });
 });

@@ -101,7 +101,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
     .filter((info) => info.device === device?.id);
   return (
     <Dialog title={draft.id === undefined ? TEXT.newAlarm : TEXT.editAlarm} onClose={onClose}>
-      <form class="alarm-form" onSubmit={(event) => void save(event)}>
+      <form class="alarm-form stacked" onSubmit={(event) => void save(event)}>
         <div class="alarm-field">
           <Segmented
             label={TEXT.kind}

@@ -22,7 +22,7 @@ export function OfferedAlarms({ session, deps, said }: CompanionProps) {
       {offered.value.length > 0 && (
         <div class="stored-offer" role="status">
           <p>{TEXT.hasAlarms(offered.value.length, offered.value.map(({ name }) => name).join(", "))}</p>
-          <div class="stored-row">
+          <div class="stored-row control-row">
             <Button look="edge" words={TEXT.addAlarms(offered.value.length)} onClick={() => void add()} />
             <Button look="edge" words={TEXT.notNow} onClick={() => (offered.value = [])} />
           </div>

@@ -48,7 +48,7 @@ function AlarmPanel({ deps, alarms, state }: Props) {
           <p class="foot-note dim">{TEXT.elsewhere}</p>
           <ul class="alarm-list">
             {idle.map((alarm) => (
-              <li key={alarm.id} class="alarm-row">
+              <li key={alarm.id} class="alarm-row control-row">
                 <span class="dim">{alarm.definition.name}</span>
                 <span class="grow" />
                 <EditButton alarm={alarm} deps={deps} />
@@ -58,7 +58,7 @@ function AlarmPanel({ deps, alarms, state }: Props) {
         </>
       )}
       {state.problem.value && <ProblemNote problem={state.problem.value} />}
-      <div class="alarm-foot">
+      <div class="alarm-foot control-row">
         <Button look="small edge alarm-add" icon="plus" words={TEXT.add} onClick={() => openAlarm(deps.open, {})} />
         {own.length > 0 && <Notices state={state.notices} />}
       </div>
@@ -69,7 +69,7 @@ function AlarmPanel({ deps, alarms, state }: Props) {
 /** Whether the browser notifies, where it can; the browser asks the person on the first click. */
 function Notices({ state }: { readonly state: Signal<NoticeState> }) {
   if (state.value === "none") return null;
-  if (state.value === "blocked") return <p class="alarm-blocked dim">{TEXT.noticesBlocked}</p>;
+  if (state.value === "blocked") return <p class="text-xs dim">{TEXT.noticesBlocked}</p>;
   return (
     <Button
       look="small edge"
@@ -99,7 +99,7 @@ function Row({ one, deps, alarms, state }: Props & { readonly one: AlarmOnDevice
   const { symbol, word, tone } = alarmMark(one);
   const isAsking = state.acknowledging.value === alarm.id;
   return (
-    <li class="alarm-row">
+    <li class="alarm-row control-row">
       <span class={tone === "" ? "alarm-state" : `tag ${tone}`}>
         <span aria-hidden="true">{symbol}</span> {word}
       </span>
@@ -115,13 +115,13 @@ function Row({ one, deps, alarms, state }: Props & { readonly one: AlarmOnDevice
         />
       )}
       <EditButton alarm={alarm} deps={deps} />
-      <span class="alarm-facts">
+      <span class="alarm-facts mid text-xs">
         <span class="mono">{conditionText(alarm.definition)}</span>
         {factsOf(now).map((text) => (
           <span key={text}>{text}</span>
         ))}
       </span>
-      {now.problem !== "" && <span class="alarm-facts">{now.problem}</span>}
+      {now.problem !== "" && <span class="alarm-facts mid text-xs">{now.problem}</span>}
       {isAsking && <Acknowledge one={one} alarms={alarms} state={state} />}
     </li>
   );
@@ -155,7 +155,7 @@ function Acknowledge({ one, alarms, state }: Omit<Props, "deps"> & { readonly on
     alarms.value = alarms.peek().map((other) => (other.id === id ? outcome.value : other));
   };
   return (
-    <form class="alarm-acknowledge" onSubmit={(event) => void send(event)}>
+    <form class="alarm-acknowledge control-row" onSubmit={(event) => void send(event)}>
       <input
         name="by"
         type="text"

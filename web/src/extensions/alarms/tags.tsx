@@ -8,7 +8,7 @@ export function AlarmTags({ alarms, device }: { readonly alarms: readonly AlarmI
   const { raised, worst, acknowledged, missing } = alarmCounts(alarmsOf(alarms, device));
   if (raised + acknowledged + missing === 0) return null;
   return (
-    <span class="why alarm-tags">
+    <span class="why">
       {raised > 0 && (
         <span class={worst === "error" ? "tag bad" : "tag warn"}>
           <span aria-hidden="true">{worst === "error" ? "✖" : "▲"}</span> {TEXT.raisedCount(raised)}

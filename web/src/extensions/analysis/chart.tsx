@@ -159,7 +159,7 @@ function Reading({ curves, at, xUnit, yUnit }: ReadingProps) {
   const first = curves[0];
   const i = at === undefined || !first ? -1 : nearest(first.x, at);
   return (
-    <p class="analysis-reading">
+    <p class="chart-reading analysis-reading">
       {i >= 0 && (
         <b>
           {figure(first?.x[i])} {xUnit}

@@ -122,7 +122,7 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
     };
   });
   return (
-    <div class="analysis">
+    <div class="analysis stacked">
       <Controls
         shown={shown}
         isOnly={only !== undefined}
@@ -187,7 +187,7 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
     />
   );
   const signals = (
-    <label class="analysis-signal">
+    <label class="labelled analysis-signal">
       <span class={isOnly ? "visually-hidden" : ""}>{TEXT.signal}</span>
       <span class="field">
         <input
@@ -265,7 +265,7 @@ interface ChoiceProps<T extends string | number> {
 
 function Choice<T extends string | number>({ label, value, values, set }: ChoiceProps<T>) {
   return (
-    <label class="analysis-option">
+    <label class="labelled">
       <span>{label}</span>
       <Select
         value={value}

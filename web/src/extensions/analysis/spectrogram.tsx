@@ -171,7 +171,7 @@ export function Spectrogram({ figures, plots }: SpectrogramProps) {
         style={{ left: `${left}px`, top: `${TOP}px`, width: `${inner.width}px`, height: `${inner.height}px` }}
       />
       <svg width={width.value} height={HEIGHT} aria-hidden="true">
-        <text class="title" x={left} y={14}>
+        <text class="chart-title" x={left} y={14}>
           {figures.signal} · {TEXT.overTime}
         </text>
         <g transform={`translate(${left} ${TOP})`}>
@@ -262,7 +262,7 @@ function Reading({ picture: { time, frequency, rows, step }, unit, at }: Reading
   const k = at === undefined ? -1 : nearest(frequency, at.f);
   const isThere = at !== undefined && Math.abs((time[i] ?? NaN) - at.t) <= step;
   return (
-    <p class="analysis-reading">
+    <p class="chart-reading analysis-reading">
       {isThere && (
         <>
           <b>

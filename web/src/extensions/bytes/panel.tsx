@@ -124,7 +124,7 @@ function View({ state, isHeld, open }: ViewProps) {
   const { frames, problem } = state.value;
   return (
     <>
-      <div class="bytes-tools">
+      <div class="bytes-tools control-row text-sm">
         <Button
           look="small edge"
           words={isHeld.value ? TEXT.follow : TEXT.hold}
@@ -147,7 +147,7 @@ function View({ state, isHeld, open }: ViewProps) {
           {TEXT.noFrames}
         </p>
       )}
-      <ol class="bytes-list" aria-label={TEXT.newestFrames}>
+      <ol class="bytes-list text-sm" aria-label={TEXT.newestFrames}>
         {frames.map((packet) => (
           <li key={`${packet.arrival} ${packet.rank}`}>
             <button type="button" title={packet.verdict} onClick={() => open(packet)}>

@@ -129,7 +129,7 @@ function Coach({ report, finish, stop }: CoachProps) {
           </>
         )}
       </p>
-      <div class="calibration-buttons">
+      <div class="calibration-buttons control-row">
         <Button look="main" words={TEXT.finish} disabled={refusal !== null} onClick={finish} />
         <Button look="edge" words={TEXT.stop} onClick={stop} />
       </div>
@@ -159,9 +159,9 @@ function Ended({ report, device, write, again, others }: EndedProps) {
         </div>
       )}
       {write}
-      <div class="calibration-buttons">
+      <div class="calibration-buttons control-row">
         {correction && (
-          <span class="calibration-export" role="group" aria-label={TEXT.export}>
+          <span class="calibration-export control-row" role="group" aria-label={TEXT.export}>
             <span class="mid">{TEXT.export}</span>
             {FORMATS.map((format) => (
               <a

@@ -44,7 +44,7 @@ export function Sphere({ coverage }: { readonly coverage: DirectionCoverage }) {
 export function Rest({ rest }: { readonly rest: RestProgress }) {
   const still = Math.max(0, Math.min(1, 1 - rest.motion / 2));
   return (
-    <div class={`calibration-rest ${rest.is_still ? "is-still" : ""}`}>
+    <div class={`calibration-rest stacked ${rest.is_still ? "is-still" : ""}`}>
       <b class="calibration-big" role="status">
         {rest.is_still ? TEXT.still : TEXT.moving}
       </b>
@@ -97,7 +97,7 @@ export function Drive({ drive }: { readonly drive: DriveProgress }) {
     },
   ];
   return (
-    <ul class="calibration-drive" aria-label={TEXT.drive}>
+    <ul class="calibration-drive stacked" aria-label={TEXT.drive}>
       {rows.map(({ name, share, words }) => (
         <li key={name}>
           <span>{name}</span>

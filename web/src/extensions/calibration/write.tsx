@@ -39,7 +39,7 @@ export function Write({ device, write, jobs }: Props) {
         {TEXT.writes(write.title)} <Message text={values ? write.note : `${write.problem} ${write.hint}`} />
       </p>
       {problem.value && <ProblemNote problem={asks ? { ...problem.value, hint: "" } : problem.value} />}
-      <div class="calibration-buttons">
+      <div class="calibration-buttons control-row">
         {asks ? (
           <>
             <Button look="edge" words={TEXT.proceed} onClick={() => void send(true)} />

@@ -53,7 +53,7 @@ export function CorrectionsForm({ model }: { readonly model: Model }) {
           onChoose={(one) => (kind.value = one)}
         />
         {kind.value === "ntrip" ? <CasterFields caster={caster} /> : <OtherField source={other} />}
-        <div class="correction-row">
+        <div class="correction-row control-row">
           <Button
             type="submit"
             look="main"
@@ -158,7 +158,7 @@ function Figures({ state }: { readonly state: CorrectionsState }) {
   const since = age(state.age_s ?? undefined);
   const flow = flowOf(state);
   return (
-    <div class="inset correction-figures">
+    <div class="inset text-sm">
       <p role="status">
         <span class={`dot ${flow.dot}`} /> <b>{flow.word}</b> <span class="mono">{state.source}</span>
       </p>

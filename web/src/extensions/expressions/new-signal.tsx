@@ -87,7 +87,7 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
   return (
     <Dialog title={signal ? TEXT.editSignal(signal.name) : TEXT.newSignal} onClose={onClose}>
       <form
-        class="new-signal"
+        class="new-signal stacked"
         onSubmit={(event) => {
           event.preventDefault();
           void save();
@@ -101,7 +101,7 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
           onEnter={() => void save()}
         />
         <Preview figures={figures.value} />
-        <label class="analysis-signal">
+        <label class="labelled">
           <span>{TEXT.name}</span>
           <span class="field">
             <input
@@ -115,7 +115,7 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
             />
           </span>
         </label>
-        <p class="signal-note">{TEXT.causal}</p>
+        <p class="mid text-sm">{TEXT.causal}</p>
         <Button
           type="submit"
           look="main"

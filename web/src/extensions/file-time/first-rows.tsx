@@ -43,7 +43,7 @@ export function FirstRows({ table }: { readonly table: TablePreview }) {
                   </th>
                 ))
               ) : (
-                <th key={`v ${name}`} colSpan={columns.length} class="vector">
+                <th key={`v ${name}`} colSpan={columns.length} class="of-vector">
                   {name}
                 </th>
               ),

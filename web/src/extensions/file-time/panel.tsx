@@ -59,7 +59,7 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
         <p key={sentence}>{sentence}</p>
       ))}
       {(time.is_table || time.is_chosen) && (
-        <div class="file-time-choice">
+        <div class="control-row">
           {time.is_chosen && (
             <span class="dim">{time.is_table ? TEXT.isChosen : `${TEXT.isChosen} ${TEXT.notPlayed}`}</span>
           )}

@@ -65,7 +65,7 @@ export function ReadingDialog({ recording, title, state, onClose, onChosen }: Pr
   return (
     <Dialog title={TEXT.readingOf(title)} onClose={onClose}>
       <form
-        class="table-reading form"
+        class="table-reading stacked form"
         autocomplete="off"
         onSubmit={(event) => {
           event.preventDefault();

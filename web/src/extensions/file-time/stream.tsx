@@ -53,7 +53,7 @@ export function StreamPanel({ deps, onJump }: Props) {
   const found = time.value;
   return (
     <div class="file-time">
-      <div class="file-time-head" role="status">
+      <div class="control-row" role="status">
         <span>{isBusy.value ? TEXT.measuring : found ? TEXT.spanOf(shortDuration(found.end - found.start)) : ""}</span>
         <Button look="small edge" words={TEXT.again} disabled={isBusy.value} onClick={() => turn.value++} />
       </div>

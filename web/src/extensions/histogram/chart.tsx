@@ -103,7 +103,7 @@ interface ReadingProps {
 function Reading({ shown, at, unit, values }: ReadingProps) {
   if (at === undefined) return null;
   return (
-    <p class="histogram-reading">
+    <p class="chart-reading histogram-reading">
       {shown.map(({ name, colour, bins }) => {
         const k = Math.floor((at - (bins.edges[0] ?? NaN)) / bins.width);
         const value = values(bins)[k];

@@ -210,13 +210,13 @@ function Figures({ answered: { shown, unit } }: { readonly answered: Answered })
       </table>
       {shown.map(({ name, bins }) =>
         clippedIn(bins) > 0 ? (
-          <p key={name} class="histogram-note">
+          <p key={name} class="mid text-xs">
             ▲ {name}: {TEXT.clipped(clippedIn(bins))}
           </p>
         ) : null,
       )}
       {notes.map((note) => (
-        <p key={note} class="histogram-note">
+        <p key={note} class="mid text-xs">
           {note}
         </p>
       ))}

@@ -32,7 +32,7 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
   const key = el("ul", { class: "track-key", "aria-label": TEXT.fixTypes });
   const tools = el("div", { class: "track-tools" });
   host.append(
-    el("p", { class: "track-summary" }, el("b", {}, fix.node), " ", where.node),
+    el("p", { class: "track-summary mid text-sm" }, el("b", {}, fix.node), " ", where.node),
     el("div", { class: "track-box" }, canvas, tools),
     key,
   );

@@ -151,7 +151,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
           <p class="notes-text notes-theirs">{theirs.value || TEXT.empty}</p>
         </>
       )}
-      <div class="notes-foot">
+      <div class="notes-foot control-row">
         <Button
           look="small edge"
           words={measure.value === undefined ? TEXT.insertTime : TEXT.insertRange}

@@ -15,7 +15,7 @@ test("a vendor payload is defined; errors of the server are shown", async () => 
   const [payload] = store.unknownPayloads.value;
   fireEvent.click(screen.getByText("IDTP device 9", { selector: ".choose-device b" }));
   const panel = within(await screen.findByRole("region", { name: "Raw payloads" }));
-  await eventually(() => expect(document.querySelector(".hex")?.textContent).toMatch(/06 FF/)); // the high byte of −250
+  await eventually(() => expect(document.querySelector(".payload-bytes")?.textContent).toMatch(/06 FF/)); // the high byte of −250
   fireEvent.click(panel.getByRole("button", { name: /^Define payload/ }));
   const form = await dialog(/^Define payload/);
   await eventually(() => expect(form.querySelector(".inside")?.contains(document.activeElement)).toBe(true)); // not ×

@@ -3,7 +3,7 @@ import { useSignal } from "@preact/signals";
 import { Button } from "../../ui/button";
 import { api, type HttpProblem } from "../../ui/http";
 import { Dialog } from "../../ui/dialog";
-import { Message } from "../../ui/message";
+import { ProblemNote } from "../../ui/problem-note";
 import { protocolOf } from "../../wire/capabilities";
 import type { UnknownPayload } from "../../wire/types";
 import { type App, linkOf } from "../../pages/app-state";
@@ -53,13 +53,7 @@ export function PayloadDialog({ app, payload, onClose }: Props) {
         <p class="hint" id="description-hint">
           {TEXT.definitionLifetime} <code>{TEXT.fileOption(option.replaceAll("_", "-"))}</code>.
         </p>
-        {problem.value && (
-          <div class="problem" role="alert">
-            <b>
-              <Message text={problem.value.message} />
-            </b>
-          </div>
-        )}
+        {problem.value && <ProblemNote problem={{ ...problem.value, hint: "" }} />}
         <div class="row">
           <Button words={COMMON.cancel} onClick={onClose} />
           <Button

@@ -20,7 +20,7 @@ const OPEN = 2;
 class Entry {
   readonly root: HTMLDetailsElement;
   readonly #figures = new LiveText();
-  readonly #bytes = el("pre", { class: "hex", tabindex: "0" });
+  readonly #bytes = el("pre", { class: "payload-bytes", tabindex: "0" });
   #shown: UnknownPayload | undefined;
   #before: Uint8Array | undefined;
   #newest: UnknownPayload;

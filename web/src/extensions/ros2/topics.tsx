@@ -25,7 +25,7 @@ export function RosTopics({ device, onClose }: Props) {
     void send(request("PATCH /api/ros2/topics", { body: { key, enabled: !enabled } }));
   return (
     <Dialog title={TEXT.topicsOf(fullName(device))} onClose={onClose}>
-      <div class="ros-topics">
+      <div class="ros-topics stacked">
         {state.value && <State state={state.value} device={device.id} flip={flip} />}
         {problem.value && <ProblemNote problem={problem.value} />}
       </div>

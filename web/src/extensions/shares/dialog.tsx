@@ -44,7 +44,7 @@ export function SharePort({ device, onClose }: Props) {
   const shares = port.value?.shares ?? [];
   return (
     <Dialog title={TEXT.sharePortOf(fullName(device))} onClose={onClose}>
-      <div class="port-shares">
+      <div class="port-shares stacked">
         <p>{TEXT.shareIntro}</p>
         {port.value && shares.length > 0 && <Speaker port={port.value} state={state} />}
         {port.value && shares.length === 0 && <p class="dim">{port.value.why_not || TEXT.notShared}</p>}
@@ -121,7 +121,7 @@ function Share({ share, state }: { readonly share: PortShare; readonly state: St
   };
   return (
     <section class="port-share" aria-label={share.name}>
-      <div class="port-share-head">
+      <div class="control-row">
         <b class="mono">{share.name}</b>
         <span class="dim">{share.read_only ? TEXT.readsOnly : ""}</span>
         <span class="grow" />
@@ -155,7 +155,7 @@ function Client({ client, share, state }: ClientProps) {
   const access = client.may_write ? TEXT.mayWrite : TEXT.readsOnly;
   return (
     <li class="port-client">
-      <div class="port-client-head">
+      <div class="control-row">
         {client.name !== share.name && <b>{client.name}</b>}
         <span>{client.waits ? `${access}, ${TEXT.waitsForItsTurn}` : access}</span>
         {client.limited && <span class="tag warn">{TEXT.heldBack}</span>}

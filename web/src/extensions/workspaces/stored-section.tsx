@@ -55,7 +55,7 @@ export function StoredSection({ session, deps }: Props) {
   };
   return (
     <div class="stored">
-      <div class="stored-row">
+      <div class="stored-row control-row">
         <Select
           label={TEXT.workspace}
           value={name ?? ""}
@@ -88,7 +88,7 @@ export function StoredSection({ session, deps }: Props) {
           {text}
         </p>
       ))}
-      <p class="stored-said" role="status">
+      <p class="stored-said mid text-xs" role="status">
         {said.value}
       </p>
       <Slot name="workspaceCompanions" with={{ session, deps, said }} />
@@ -109,7 +109,7 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
     if (currentOf(session).peek()?.name === name) text.value = "";
   };
   return (
-    <form class="stored-row" onSubmit={(event) => void save(event)}>
+    <form class="stored-row control-row" onSubmit={(event) => void save(event)}>
       <span class="field">
         <input
           value={text}
@@ -127,7 +127,7 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
 /** Somebody else saved the workspace meanwhile: nothing is replaced unless a person says so. */
 function Conflict({ session, deps, name, run }: Props & { readonly name: string; readonly run: Run }) {
   return (
-    <div class="stored-row">
+    <div class="stored-row control-row">
       <Button
         look="edge"
         words={TEXT.openNewer}
@@ -167,7 +167,7 @@ function More({ session, deps, list, run, said }: MoreProps) {
   return (
     <details>
       <summary>{TEXT.more}</summary>
-      <div class="stored-row">
+      <div class="stored-row control-row">
         <Button look="edge" words={TEXT.exportFile} onClick={() => void save()} />
         <label class="btn edge">
           {TEXT.importFile}

@@ -133,7 +133,7 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
   ];
   return (
     <>
-      <dl class="facts">
+      <dl class="fact-list">
         {rows.map(([name, value, unit]) => (
           <div key={name}>
             <dt>

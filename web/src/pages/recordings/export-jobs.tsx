@@ -53,9 +53,9 @@ function JobRow({ app, job }: { readonly app: App; readonly job: ExportJob }) {
       )}
       {going && <progress value={job.progress} max={1} aria-label={`${job.title}: ${words}`} />}
       {job.message !== "" && (
-        <small class="why">
+        <span class="why mid">
           <Message text={job.message} /> <Message text={job.hint} />
-        </small>
+        </span>
       )}
     </li>
   );

@@ -199,7 +199,7 @@ function Arrivals({ library }: { readonly library: Library }) {
         <li key={key}>
           <b class="ellipsis">{name}</b>
           {problem ? (
-            <span class="why" role="alert">
+            <span class="why mid" role="alert">
               <span class="dot bad" /> <Message text={problem.message} /> <Message text={problem.hint} />
             </span>
           ) : (

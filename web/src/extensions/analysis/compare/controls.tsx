@@ -196,7 +196,7 @@ interface FieldProps {
 
 function Field({ label, id, names, value, set }: FieldProps) {
   return (
-    <label class="analysis-option compare-signal">
+    <label class="labelled compare-signal">
       <span>{label}</span>
       <span class="field">
         <input
@@ -255,7 +255,7 @@ function Alignment({ model, wanted, correlate }: Props) {
         disabled={busy.value === "correlating"}
         onClick={correlate}
       />
-      <label class="analysis-option compare-offset" title={TEXT.offsetHint}>
+      <label class="labelled compare-offset" title={TEXT.offsetHint}>
         <span>{TEXT.offset} (s)</span>
         <span class="field">
           <input

@@ -165,7 +165,7 @@ export function OverlayChart({
             ))}
           {pointer.value !== undefined && <Crosshair x={share(x, pointer.value) * inner.width} {...inner} />}
         </svg>
-        <text class="title" x={inner.width} y={12 - MARGINS.top} text-anchor="end">
+        <text class="chart-title" x={inner.width} y={12 - MARGINS.top} text-anchor="end">
           {pointer.value !== undefined && reading(traces, pointer.value + origin, unit, pointer.value)}
         </text>
       </Chart>

@@ -56,7 +56,7 @@ export function AnswerPlot({ state, answer }: Props) {
       : TEXT.pointAtChart;
   return (
     <>
-      <div class="answer-choices">
+      <div class="control-row">
         <AnswerSelect label={TEXT.x} value={choice.x} all={positionsOf(columns)} nameOf={nameOf} onChange={set("x")} />
         <AnswerSelect label={TEXT.y} value={choice.y} all={numbersOf(columns)} nameOf={nameOf} onChange={set("y")} />
         {groups.length > 0 && (
@@ -98,7 +98,7 @@ export function AnswerPlot({ state, answer }: Props) {
           </Chart>
         )}
       </div>
-      <p class="answer-reading">
+      <p class="chart-reading">
         <span>{reading}</span>
         {picture &&
           picture.groups.length > 1 &&
@@ -134,7 +134,7 @@ export function AnswerHistogram({ state, answer }: Props) {
   const bin = bins[pointed.value];
   return (
     <>
-      <div class="answer-choices">
+      <div class="control-row">
         <AnswerSelect
           label={TEXT.column}
           value={column}
@@ -177,7 +177,7 @@ export function AnswerHistogram({ state, answer }: Props) {
           })}
         </Chart>
       </div>
-      <p class="answer-reading">
+      <p class="chart-reading">
         {bin ? TEXT.binReading(figure(bin.low), figure(bin.high), bin.count) : TEXT.pointAtChart}
       </p>
     </>

@@ -86,7 +86,7 @@ function Menu<T extends string>({ title, options, onChoose }: MenuProps<T>) {
 function Sources({ state }: { readonly state: Questions }) {
   const { prepared, history, sql } = state;
   return (
-    <div class="question-sources">
+    <div class="question-sources control-row">
       <Menu
         title={TEXT.prepared}
         options={prepared.value.map(({ name, title }) => [name, title])}
@@ -125,7 +125,7 @@ function Actions({ app, state }: { readonly app: App; readonly state: Questions 
       : TEXT.waiting(now.before, seconds)
     : notice.value || (given && !problem.value ? summary(given) : "");
   return (
-    <div class="query-actions">
+    <div class="control-row">
       {now ? (
         <Button
           look="edge"
@@ -158,7 +158,7 @@ function Actions({ app, state }: { readonly app: App; readonly state: Questions 
           void copyText(link).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
         }}
       />
-      <p class="question-status" role="status">
+      <p class="question-status mid text-sm" role="status">
         {status}
       </p>
       <p id="question-problem" class="question-problem" role="alert">
@@ -215,7 +215,7 @@ function Answer({ app, state, answer }: AnswerProps) {
   };
   return (
     <section class="query-answer" aria-label={TEXT.answer}>
-      <div class="answer-tools">
+      <div class="answer-tools control-row">
         <Segmented
           label={TEXT.view}
           value={view.value}

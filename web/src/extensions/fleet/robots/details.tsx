@@ -80,7 +80,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
       </p>
       {summary.same_name > 0 && <p>{TEXT.sameName(summary.same_name)}</p>}
       {isLost && <p class="dim">{TEXT.figuresFrom}</p>}
-      <dl class="facts">
+      <dl class="fact-list">
         <Fact title={isLost ? TEXT.whenLost : TEXT.whenLive} cell={{ text: ageText(fleet.now(), summary.since) }} />
         {summary.group !== "" && <Fact title={TEXT.group} cell={{ text: summary.group }} />}
         <Fact
@@ -95,7 +95,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
       {Object.keys(summary.more).length > 0 && (
         <>
           <h3>{TEXT.alsoReported}</h3>
-          <dl class="facts">
+          <dl class="fact-list">
             <Further more={summary.more} />
           </dl>
         </>
@@ -176,7 +176,7 @@ function Device({ device, isLost }: { readonly device: RobotDevice; readonly isL
         <span class="ellipsis">{device.name || device.product}</span>
         {!isLost && <span class="dim">{device.status}</span>}
       </h4>
-      <dl class="facts">
+      <dl class="fact-list">
         {device.product !== "" && device.product !== device.name && (
           <Fact title={TEXT.product} cell={text(device.product)} />
         )}

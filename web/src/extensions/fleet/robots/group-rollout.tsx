@@ -42,7 +42,7 @@ export function GroupRollout({ robot, device, open, isShown }: Props) {
   }, [robot.group, product, protocol, isShown, last]);
   const found = last.value;
   return (
-    <div class="fleet-profile">
+    <div class="fleet-profile control-row">
       <Button look="edge" words={TEXT.open} onClick={() => open(undefined)} />
       {found && (
         <Button title={TEXT.show} onClick={() => open(found.id)}>

@@ -21,7 +21,7 @@ export function PersonForm({ title, hint = "", send, cancel }: Props) {
     void send(by);
   };
   return (
-    <form class="fleet-profile" onSubmit={submit}>
+    <form class="fleet-profile control-row" onSubmit={submit}>
       {hint !== "" && <p class="dim">{hint}</p>}
       <input
         name="by"

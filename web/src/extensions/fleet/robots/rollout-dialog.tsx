@@ -20,7 +20,7 @@ export function RolloutDialog({ robot, group, device, rollout, onClose }: Props)
   const shown = useSignal(rollout);
   return (
     <Dialog title={TEXT.title(group)} onClose={onClose}>
-      <div class="rollout-dialog">
+      <div class="rollout-dialog stacked">
         {shown.value === undefined ? (
           <RolloutPlanForm
             robot={robot}

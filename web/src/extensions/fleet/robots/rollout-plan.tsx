@@ -67,7 +67,7 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
   }
   const n = found.devices.length;
   return (
-    <form onSubmit={(event) => void submit(event)}>
+    <form class="stacked" onSubmit={(event) => void submit(event)}>
       <p>
         {n > 0 ? TEXT.differs(n, found.product, found.group) : TEXT.nothing(found.product, found.group)}{" "}
         <span class="dim">
@@ -85,7 +85,7 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
       {n > 0 && (
         <>
           <div class="rollout-how">
-            <label>
+            <label class="labelled">
               <span>{TEXT.waves}</span>
               <input
                 name="waves"
@@ -97,7 +97,7 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
                 onChange={(event) => void change(event.currentTarget.value)}
               />
             </label>
-            <label>
+            <label class="labelled">
               <span>{TEXT.watch}</span>
               <span class="with-unit">
                 <input
@@ -113,7 +113,7 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
                 <span class="unit">{TEXT.watchUnit}</span>
               </span>
             </label>
-            <label>
+            <label class="labelled">
               <span>{FLEET.yourName}</span>
               <input
                 name="by"

@@ -141,7 +141,7 @@ function Profile({ check: { device, profile, read }, robot, send }: ProfileProps
   };
   if (asking.value === undefined) {
     return (
-      <div class="fleet-profile">
+      <div class="fleet-profile control-row">
         {read !== null && <Button look="edge" words={TEXT.useProfile} onClick={() => (asking.value = "use")} />}
         {profile && <Button words={TEXT.removeProfile} onClick={() => (asking.value = "remove")} />}
       </div>
