@@ -1,16 +1,16 @@
 /** Saves or exports what has just happened: the bytes of live devices that the server has in memory. */
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { Slot } from "../extension";
 import { recordingsApi } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
-import type { HeldBytes, SavedMemory } from "../recordings/types";
+import type { SavedMemory } from "../recordings/types";
 import { Button } from "../ui/button";
 import { Segmented } from "../ui/choices";
 import { Dialog } from "../ui/dialog";
 import { clock } from "../ui/format";
 import type { HttpProblem } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
+import { usePolled } from "../ui/use-polled";
 import type { App } from "./app-state";
 import { showSaved } from "./record-button";
 import { exportingOf } from "./recordings/exporting";
@@ -28,7 +28,7 @@ interface Props {
 }
 
 export function MemoryDialog({ app, onClose }: Props) {
-  const held = useSignal<readonly HeldBytes[] | undefined>(undefined);
+  const { state: held, problem: unread } = usePolled("", undefined, () => recordingsApi.memory());
   const part = useSignal<Part>("view");
   const busy = useSignal(false);
   const problem = useSignal<HttpProblem | undefined>(undefined);
@@ -36,12 +36,7 @@ export function MemoryDialog({ app, onClose }: Props) {
   // the view goes on while the dialog is open: what was in view when it was opened is meant
   const t1 = useSignal(actions.rightEdge()).value;
   const t0 = useSignal(t1 - view.peek().span).value;
-  useEffect(() => {
-    void recordingsApi.memory().then((outcome) => {
-      if (outcome.ok) held.value = outcome.value;
-      else problem.value = outcome.problem;
-    });
-  }, [held, problem]);
+  const shown = problem.value ?? unread.value;
   const range = {
     view: { t0: t0 - MARGIN_S, t1: t1 + MARGIN_S },
     minute: { t0: t1 - LAST_S, t1: null },
@@ -113,7 +108,7 @@ export function MemoryDialog({ app, onClose }: Props) {
           })}
         </ul>
         <p class="dim">{TEXT.memoryHint}</p>
-        {problem.value && <ProblemNote problem={problem.value} />}
+        {shown && <ProblemNote problem={shown} />}
         <div class="ends">
           <Slot name="memoryActions" with={{ app, disabled: busy.value || links.length === 0 }} />
           <Button

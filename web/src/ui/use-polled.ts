@@ -1,4 +1,4 @@
-/** What the server is asked for again and again while it is shown, and changes of it, whose answer is the new state. */
+/** What the server is asked for while it is shown, once or again and again, and changes of it, whose answer is the new state. */
 import { type ReadonlySignal, type Signal, useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { HttpProblem, Outcome } from "./http";
@@ -14,12 +14,12 @@ export interface Polled<T> {
 
 /**
  * @param of what it is of: asked for anew when that is another one
- * @param everyMs pause between two questions, given the newest state; undefined: that one stays
+ * @param everyMs pause between two questions, perhaps of the newest state; undefined: that one stays
  */
 export function usePolled<T>(
   of: string,
-  everyMs: number | ((newest: T | undefined) => number | undefined),
-  ask: () => Promise<Outcome<T>>,
+  everyMs: number | undefined | ((newest: T | undefined) => number | undefined),
+  ask: (over: AbortSignal) => Promise<Outcome<T>>,
 ): Polled<T> {
   const state = useSignal<T | undefined>(undefined);
   const refused = useSignal<HttpProblem | undefined>(undefined);
@@ -28,13 +28,13 @@ export function usePolled<T>(
   // biome-ignore lint/correctness/useExhaustiveDependencies: signals stay the same, and the question is that of the first time
   useEffect(() => {
     let timer: ReturnType<typeof setTimeout> | undefined;
-    let isOver = false;
+    const over = new AbortController();
     const look = async (): Promise<void> => {
       const before = changes.current;
-      const outcome = await ask();
-      if (isOver) return;
+      const outcome = await ask(over.signal);
+      if (over.signal.aborted) return;
       const newest = outcome.ok ? outcome.value : state.peek();
-      const pause = typeof everyMs === "number" ? everyMs : everyMs(newest);
+      const pause = typeof everyMs === "function" ? everyMs(newest) : everyMs;
       if (pause !== undefined) timer = setTimeout(() => void look(), pause);
       if (before !== changes.current) return; // asked before the change was made: it would be shown undone
       away.value = outcome.ok ? undefined : outcome.problem;
@@ -43,7 +43,7 @@ export function usePolled<T>(
     state.value = refused.value = undefined;
     void look();
     return () => {
-      isOver = true;
+      over.abort();
       clearTimeout(timer);
     };
   }, [of]);

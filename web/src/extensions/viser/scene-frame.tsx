@@ -5,6 +5,7 @@ import { type HttpProblem, request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { serverRoot, socketUrl } from "../../ui/server-place";
 import { theme } from "../../ui/theme";
+import { usePolled } from "../../ui/use-polled";
 import { Frame } from "../../views/frame";
 import { headNews, type SentHead } from "./viewer-sync";
 import { TEXT } from "./texts";
@@ -33,21 +34,8 @@ function Waiting({ problem }: { readonly problem: HttpProblem | undefined }) {
 
 /** A live scene: requested first, so that a refusal is reported in our words. */
 export function Begun({ device }: { readonly device: string }) {
-  const [address, setAddress] = useState<string>();
-  const [problem, setProblem] = useState<HttpProblem>();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
-  useEffect(() => {
-    let wanted = true;
-    void request("GET /api/views/scene", { query: { device } }).then((outcome) => {
-      if (!wanted) return;
-      if (outcome.ok) setAddress(outcome.value.address);
-      else setProblem(outcome.problem);
-    });
-    return () => {
-      wanted = false;
-    };
-  }, []);
-  return address === undefined ? <Waiting problem={problem} /> : <Scene address={address} />;
+  const { state, problem } = usePolled("", undefined, () => request("GET /api/views/scene", { query: { device } }));
+  return state.value === undefined ? <Waiting problem={problem.value} /> : <Scene address={state.value.address} />;
 }
 
 /** What a scene of a recording follows. */

@@ -1,12 +1,11 @@
 /** Figures of a comparison: statistics of the differences, spectra of both, and the settings of both. */
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { figure } from "../../../charts/axes";
 import { type ChartCurve, type CurveNumbers, FigureChart } from "../chart";
-import type { Difference } from "../../../forms/types";
-import { type HttpProblem, request } from "../../../ui/http";
+import { request } from "../../../ui/http";
 import { Message } from "../../../ui/message";
 import { ProblemNote } from "../../../ui/problem-note";
+import { usePolled } from "../../../ui/use-polled";
 import type { ComparedSignal, SignalFigures } from "../../../wire/routes";
 import { type CompareModel, requestOf } from "./model";
 import type { ComparePlace, SideChoice } from "./sides";
@@ -85,31 +84,21 @@ export function Spectra({ model, wanted }: Props) {
 }
 
 function BothSpectra({ model, wanted }: Props) {
-  const found = useSignal<readonly (readonly SignalFigures[])[] | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
   const { a, b, signals, signals_b: others = [] } = requestOf(model, wanted);
+  const psd = (side: typeof a, names: readonly string[], signal: AbortSignal) => {
+    const body = { ...side, signals: names, options: { scale: "amplitude" } };
+    return request("POST /api/analysis/{name}", { path: { name: "psd" }, body, signal });
+  };
   const key = JSON.stringify([wanted.a, wanted.b, signals, others]);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: what the request depends on is in the key
-  useEffect(() => {
-    const cancel = new AbortController();
-    found.value = undefined;
-    const psd = (side: typeof a, names: readonly string[]) =>
-      request("POST /api/analysis/{name}", {
-        path: { name: "psd" },
-        body: { ...side, signals: names, options: { scale: "amplitude" } },
-        signal: cancel.signal,
-      });
-    void Promise.all([psd(a, signals), psd(b, others.length > 0 ? others : signals)]).then((outcomes) => {
-      if (cancel.signal.aborted) return;
-      const [first, second] = outcomes;
-      problem.value = first?.ok === false ? first.problem : second?.ok === false ? second.problem : undefined;
-      if (first?.ok && second?.ok) found.value = [first.value, second.value] as readonly (readonly SignalFigures[])[];
-    });
-    return () => cancel.abort();
-  }, [key]);
-  if (problem.value) return <ProblemNote problem={problem.value} />;
-  if (!found.value) return <p aria-busy="true">{TEXT.computing}</p>;
-  const [first, second] = found.value;
+  const found = usePolled<readonly SignalFigures[][]>(key, undefined, async (over) => {
+    const both = [psd(a, signals, over), psd(b, others.length > 0 ? others : signals, over)] as const;
+    const [first, second] = await Promise.all(both);
+    if (!first.ok) return first;
+    return second.ok ? { ok: true, value: [first.value, second.value] as SignalFigures[][] } : second;
+  });
+  if (found.problem.value) return <ProblemNote problem={found.problem.value} />;
+  if (!found.state.value) return <p aria-busy="true">{TEXT.computing}</p>;
+  const [first, second] = found.state.value;
   return (
     <>
       {first?.map((one, i) => (
@@ -147,23 +136,12 @@ export function Settings({ wanted }: { readonly wanted: Ready }) {
 const sideKey = ({ source, device }: SideChoice): string => `${source}/${device}`;
 
 function SettingsDiff({ wanted }: { readonly wanted: Ready }) {
-  const found = useSignal<Difference | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: other sides have another key
-  useEffect(() => {
-    const cancel = new AbortController();
-    const { a, b } = wanted;
-    const whole = ({ source, device }: SideChoice) => ({ source, device, t0: null, t1: null });
-    const body = { a: whole(a), b: whole(b) };
-    void request("POST /api/comparison/settings", { body, signal: cancel.signal }).then((outcome) => {
-      if (cancel.signal.aborted) return;
-      if (outcome.ok) found.value = outcome.value;
-      else problem.value = outcome.problem;
-    });
-    return () => cancel.abort();
-  }, []);
-  if (problem.value) return <ProblemNote problem={problem.value} />;
-  const difference = found.value;
+  const { a, b } = wanted;
+  const whole = ({ source, device }: SideChoice) => ({ source, device, t0: null, t1: null });
+  const body = { a: whole(a), b: whole(b) };
+  const found = usePolled("", undefined, (signal) => request("POST /api/comparison/settings", { body, signal }));
+  if (found.problem.value) return <ProblemNote problem={found.problem.value} />;
+  const difference = found.state.value;
   if (!difference) return <p aria-busy="true">{TEXT.readingSettings}</p>;
   const missing = Object.entries(difference.missing ?? {});
   return (
