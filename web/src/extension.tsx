@@ -213,19 +213,7 @@ export function registerExtension(extension: Extension): void {
     registerPanel({ ...panel, applies: (deps) => isThere(extension) && (panel.applies?.(deps) ?? true) });
 }
 
-type Kinds =
-  | "addresses"
-  | "attitudeCells"
-  | "companions"
-  | "configurePlaces"
-  | "dialogs"
-  | "keys"
-  | "pages"
-  | "plotMarks"
-  | "seriesActions"
-  | "viewers"
-  | "views"
-  | "workspaceDefaults";
+type Kinds = Exclude<keyof Extension, "name" | "panels" | "start">;
 
 /** What all extensions bring of one kind. */
 export function fromExtensions<Kind extends Kinds>(kind: Kind): readonly NonNullable<Extension[Kind]>[number][] {

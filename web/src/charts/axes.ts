@@ -1,5 +1,7 @@
 /** Axes of a chart of figures: linear or logarithmic scales, their ticks, and curves thinned to what pixels can show. */
 
+import { niceStep } from "../plots/scale";
+
 export type Kind = "linear" | "log";
 
 export interface Axis {
@@ -52,7 +54,7 @@ export function axisTicks(axis: Axis, most: number): Tick[] {
       found.push({ at: share(axis, 10 ** power), text: powerText(power) });
     return found;
   }
-  const step = roundStep((high - low) / Math.max(1, most));
+  const step = niceStep((high - low) / Math.max(1, most));
   const found: Tick[] = [];
   for (let n = Math.ceil(low / step - 1e-9); n * step <= high * (1 + 1e-12) + 1e-300; n += 1)
     found.push({ at: share(axis, n * step), text: figure(n * step) });
@@ -68,12 +70,6 @@ function withinDecades(axis: Axis, first: number, last: number): Tick[] {
       if (value >= axis.low && value <= axis.high) found.push({ at: share(axis, value), text: figure(value) });
     }
   return found;
-}
-
-/** The least of 1, 2 and 5 times a power of ten that is not below `least`. */
-function roundStep(least: number): number {
-  const power = 10 ** Math.floor(Math.log10(least));
-  return [1, 2, 5, 10].map((n) => n * power).find((step) => step >= least * (1 - 1e-9)) ?? 10 * power;
 }
 
 const SUPERSCRIPT = "⁰¹²³⁴⁵⁶⁷⁸⁹";

@@ -73,6 +73,19 @@ class Cell {
   }
 }
 
+/** The figures of the selected device now, and what else is known of it. */
+function figuresNow(deps: Deps) {
+  const device = selected(deps);
+  const id = device?.id ?? "";
+  const health = deps.store.health.value.get(id);
+  const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
+  const isExpected = device?.status !== "ended" && device?.status !== "idle";
+  const isCounted = countsLosses(device, channelInfos(deps));
+  const recent = recently(deps, id);
+  const figures = healthFigures(health, recent, ageOf(deps, id), dropped, isExpected, isCounted, usualStep(deps, id));
+  return { device, id, health, dropped, figures };
+}
+
 function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const list = el("dl", { class: "health-list" });
   const cells = new Map<HealthKey, Cell>();
@@ -108,18 +121,9 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const [figuresDue, ageDue] = [throttle(2), throttle(10)];
   return {
     update(now) {
-      const device = selected(deps);
-      const id = device?.id ?? "";
-      const health = deps.store.health.value.get(id);
       const all = figuresDue(now);
       if (!all && !ageDue(now)) return;
-      const recent = recently(deps, id);
-      const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
-      const expected = device?.status !== "ended" && device?.status !== "idle";
-      const figures = healthFigures(
-        ...([health, recent, ageOf(deps, id), dropped, expected] as const),
-        ...([countsLosses(device, channelInfos(deps)), usualStep(deps, id)] as const),
-      );
+      const { device, id, health, dropped, figures } = figuresNow(deps);
       cells.get("age")?.set(figures.age);
       if (!all) return;
       for (const [key, row] of rows) row.hidden = isLeftOut(key, device, deps.recording !== undefined);
@@ -188,7 +192,6 @@ function mountReasons(list: HTMLElement): {
   const why = el("div", { class: "sub-row reasons" }, el("dt", {}, TEXT.sinceStart), el("dd", {}, reasons.node));
   const rejects = [...list.children].find((row) => row.firstElementChild?.textContent === COMMON.rejects);
   rejects?.after(why);
-  const after: Element = why;
   return {
     update(health, device) {
       const wanted = new Map<string, HealthQuantity>();
@@ -209,7 +212,7 @@ function mountReasons(list: HTMLElement): {
         line.row.remove();
         lines.delete(name);
       }
-      let last: Element = after;
+      let last: Element = why;
       for (const [name, figure] of wanted) {
         let line = lines.get(name);
         if (!line) {
@@ -274,15 +277,7 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
   return {
     update(now) {
       if (host.offsetParent === null || !due(now)) return;
-      const id = deps.viewState.device.value ?? "";
-      const recent = recently(deps, id);
-      const device = selected(deps);
-      const expected = device?.status !== "ended";
-      const health = deps.store.health.value.get(id);
-      const figures = healthFigures(
-        ...([health, recent, ageOf(deps, id), deps.store.dropped(), expected] as const),
-        ...([countsLosses(device, channelInfos(deps)), usualStep(deps, id)] as const),
-      );
+      const { device, id, health, figures } = figuresNow(deps);
       for (const { key, value, unit, box } of items) {
         if (box.parentElement) box.parentElement.hidden = isLeftOut(key, device, deps.recording !== undefined);
         const figure = figures[key];

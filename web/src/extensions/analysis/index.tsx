@@ -15,7 +15,7 @@ import { late } from "../../ui/late";
 import { COMMON } from "../../texts/common";
 import { compareView, isComparison } from "./compare/sides";
 import { TEXT as COMPARE } from "./compare/texts";
-import { analysisPanel, mountAnalysis } from "./panel";
+import { analysisPanel } from "./panel";
 import { TEXT } from "./texts";
 import "./layers.css";
 import "./workspace-part";
@@ -97,16 +97,8 @@ registerExtension({
     // All analyses, one at a time: workspaces and links of earlier versions have it. It is offered where it is shown only; the panels of
     // one analysis each take its place.
     {
-      id: "analysis",
-      title: TEXT.analysis,
-      where: "main",
-      height: "higher",
-      order: 20,
-      class: "analysis-panel",
-      optional: true,
-      isWide: true,
+      ...analysisPanel("analysis", undefined, 20),
       applies: ({ viewState }) => viewState.layout.value.panels["analysis"]?.shown === true,
-      mount: (host, deps) => mountAnalysis(host, deps),
     },
     analysisPanel("spectrum", "psd", 16),
     analysisPanel("spectrogram", "spectrogram", 17),

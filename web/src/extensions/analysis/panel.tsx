@@ -2,7 +2,6 @@
 import type { AnalysisPanel } from "../../data/view-state";
 import { type Deps, selected } from "../../panels/panel-context";
 import type { PanelDefinition } from "../../panels/registry";
-import type { Panel } from "../../ui/dom";
 import { late } from "../../ui/late";
 import { renderedPanel } from "../../ui/panel-host";
 import { TEXT } from "./texts";
@@ -32,20 +31,15 @@ function SelectedAnalysis({ deps, ...rest }: Props) {
   );
 }
 
-/** @param only the analysis that is shown; default: all, one at a time */
-export function mountAnalysis(host: HTMLElement, deps: Deps, only?: AnalysisPanel): Panel {
-  return renderedPanel(host, <SelectedAnalysis deps={deps} {...(only ? { only } : {})} />);
-}
-
-/** The panel of one analysis. Hidden until a person shows it. */
-export const analysisPanel = (id: string, only: AnalysisPanel, order: number): PanelDefinition => ({
+/** A panel of one analysis, or of all, one at a time. Hidden until a person shows it. */
+export const analysisPanel = (id: string, only: AnalysisPanel | undefined, order: number): PanelDefinition => ({
   id,
-  title: TEXT[only],
+  title: TEXT[only ?? "analysis"],
   where: "main",
   height: "higher",
   order,
   class: "analysis-panel",
   optional: true,
   isWide: true,
-  mount: (host, deps) => mountAnalysis(host, deps, only),
+  mount: (host, deps) => renderedPanel(host, <SelectedAnalysis deps={deps} {...(only ? { only } : {})} />),
 });

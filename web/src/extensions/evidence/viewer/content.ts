@@ -1,4 +1,5 @@
 /** Content of the file: read from its JSON and binary blocks (server/extensions/evidence/series.py writes them). */
+import { niceStep } from "../../../plots/scale";
 import { decimalsOf } from "../../../ui/format";
 
 interface BlockRef {
@@ -73,9 +74,7 @@ const LEAST_TICK_S = 1e-7;
 
 /** Length of a tick, as in server/extensions/evidence/series.py. */
 export function tickOf(span: number): number {
-  const least = Math.max(span / TICKS, LEAST_TICK_S);
-  const power = 10 ** Math.floor(Math.log10(least));
-  return power * ([1, 2, 5].find((m) => m * power >= least * (1 - 1e-9)) ?? 10);
+  return niceStep(Math.max(span / TICKS, LEAST_TICK_S));
 }
 
 /** Bytes of base64. */
