@@ -23,6 +23,7 @@ import {
   verdictsOf,
 } from "./figures";
 import { type PlotAxis, Spectrogram } from "./spectrogram";
+import { TableHead } from "../../ui/table-head";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "./texts";
 
@@ -162,15 +163,7 @@ function Peaks({ figures }: Figures) {
   if (rows.length === 0) return <p>{TEXT.noPeaks}</p>;
   return (
     <Scroll label={TEXT.peaks}>
-      <thead>
-        <tr>
-          <th />
-          <th>{TEXT.frequency}</th>
-          <th>{TEXT.rms}</th>
-          <th>{TEXT.aboveFloor}</th>
-          <th>{TEXT.fundamental}</th>
-        </tr>
-      </thead>
+      <TableHead of={["", TEXT.frequency, TEXT.rms, TEXT.aboveFloor, TEXT.fundamental]} />
       <tbody>
         {rows.map(({ peak, signal, unit }) => (
           <tr key={`${signal} ${peak.frequency}`}>
@@ -245,14 +238,7 @@ interface BySignalProps extends Figures {
 function BySignal({ label, figures, rows, title, cell }: BySignalProps) {
   return (
     <Scroll label={label}>
-      <thead>
-        <tr>
-          <th />
-          {figures.map(({ signal }) => (
-            <th key={signal}>{curveName(signal)}</th>
-          ))}
-        </tr>
-      </thead>
+      <TableHead of={["", ...figures.map(({ signal }) => curveName(signal))]} />
       <tbody>
         {rows.map((row) => (
           <tr key={row}>

@@ -1,4 +1,5 @@
 /** All clocks of a message with their figures and steps, drawn over the length of the file or of the memory of a stream. */
+import { TableHead } from "../../ui/table-head";
 import type { Deps } from "../../panels/panel-context";
 import { Button } from "../../ui/button";
 import { number, rate as rateText, signed, clock as timeOfDay } from "../../ui/format";
@@ -45,15 +46,7 @@ export function Clocks({ of, span, jump, onUse }: ClocksProps) {
       <h4>{of.message}</h4>
       <div class="file-time-scroll">
         <table aria-label={TEXT.of(of.message)}>
-          <thead>
-            <tr>
-              {HEADINGS.map(([text, hint]) => (
-                <th key={text} title={hint}>
-                  {text}
-                </th>
-              ))}
-            </tr>
-          </thead>
+          <TableHead of={HEADINGS.map(([text, title]) => ({ text, title }))} />
           <tbody>
             {of.clocks.map((one, i) => (
               <Row key={`${i} ${one.name}`} clock={one} onUse={onUse} />

@@ -16,6 +16,7 @@ import { type Panel, throttle } from "../../ui/dom";
 import { number } from "../../ui/format";
 import { request } from "../../ui/http";
 import { Message } from "../../ui/message";
+import { TableHead } from "../../ui/table-head";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { rangeOf } from "../../charts/range";
 import { HistogramChart, type HistogramContent } from "./chart";
@@ -167,21 +168,16 @@ function Figures({ answered: { shown, unit } }: { readonly answered: Answered })
   return (
     <div class="histogram-figures" role="group" aria-label={TEXT.table} tabIndex={0}>
       <table>
-        <thead>
-          <tr>
-            <th scope="col">
-              <span class="visually-hidden">{TEXT.signal}</span>
-            </th>
-            {[TEXT.samples, TEXT.mean, TEXT.least, TEXT.greatest, TEXT.binWidth].map((head) => (
-              <th key={head} scope="col" class="num">
-                {head}
-              </th>
-            ))}
-            <th scope="col" class="num" title={TEXT.outsideHint}>
-              {TEXT.outside}
-            </th>
-          </tr>
-        </thead>
+        <TableHead
+          of={[
+            { text: <span class="visually-hidden">{TEXT.signal}</span> },
+            ...[TEXT.samples, TEXT.mean, TEXT.least, TEXT.greatest, TEXT.binWidth].map((text) => ({
+              text,
+              class: "num",
+            })),
+            { text: TEXT.outside, class: "num", title: TEXT.outsideHint },
+          ]}
+        />
         <tbody>
           {shown.map(({ name, colour, bins }) => (
             <tr key={name}>

@@ -18,6 +18,7 @@ import { configureApi } from "../../pages/configure/api";
 import { refFor } from "../../pages/configure/sides";
 import type { ComparisonActionProps } from "../../pages/configure/compare";
 import { madeFor } from "../../pages/app-state";
+import { TableHead } from "../../ui/table-head";
 import "./rollouts.css";
 import { COMMON } from "../../texts/common";
 import { TEXT as CONFIGURE } from "../../texts/configure";
@@ -71,16 +72,12 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
     <section class="rollout" aria-label={TEXT.applyProfile}>
       <h3>{TEXT.applyTitleTo(title)}</h3>
       <table>
-        <thead>
-          <tr>
-            <th>
-              <span class="visually-hidden">{TEXT.selected}</span>
-            </th>
-            <th>{COMMON.device}</th>
-            <th>{TEXT.wouldChange}</th>
-            <th>{TEXT.result}</th>
-          </tr>
-        </thead>
+        <TableHead
+          of={[
+            { text: <span class="visually-hidden">{TEXT.selected}</span> },
+            ...[COMMON.device, TEXT.wouldChange, TEXT.result],
+          ]}
+        />
         <tbody>
           {devices.map((device) => (
             <Row

@@ -15,6 +15,7 @@ import { configureApi } from "./api";
 import { sideRef, type SideName, snapshotTitle } from "./sides";
 import { SnapshotActs } from "./snapshot";
 import { goTo } from "./view-state";
+import { TableHead } from "../../ui/table-head";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -238,13 +239,7 @@ function Table({ found, take, disabled }: TableProps) {
       {found.rows.length > 0 && (
         <div class="difference-table">
           <table>
-            <thead>
-              <tr>
-                <th>{TEXT.setting}</th>
-                <th>{found.left}</th>
-                <th>{found.right}</th>
-              </tr>
-            </thead>
+            <TableHead of={[TEXT.setting, found.left, found.right]} />
             <tbody>
               {found.rows.map((row) => (
                 <tr key={`${row.setting} ${row.path}`}>

@@ -28,6 +28,7 @@ import { PageOverlays } from "./overlays";
 import { RecordingDetails } from "./details";
 import { type Library, libraryOf } from "./library-store";
 import { Thumb } from "./thumbnail";
+import { TableHead } from "../../ui/table-head";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -247,21 +248,13 @@ function List({ app }: { readonly app: App }) {
             <col key={name} class={name} />
           ))}
         </colgroup>
-        <thead>
-          <tr>
-            <th scope="col">{TEXT.motion}</th>
-            <th scope="col">{TEXT.recording}</th>
-            <th scope="col">{COMMON.devices}</th>
-            <th scope="col" class="num">
-              {TEXT.length}
-            </th>
-            <th scope="col" class="num">
-              {TEXT.size}
-            </th>
-            <th scope="col">{COMMON.loss}</th>
-            <th scope="col">{TEXT.tags}</th>
-          </tr>
-        </thead>
+        <TableHead
+          of={[
+            ...[TEXT.motion, TEXT.recording, COMMON.devices],
+            ...[TEXT.length, TEXT.size].map((text) => ({ text, class: "num" })),
+            ...[COMMON.loss, TEXT.tags],
+          ]}
+        />
         <tbody>
           {shown.value.map((info) => (
             <Row key={info.id} info={info} app={app} />

@@ -9,6 +9,7 @@ import { usePolled } from "../../../ui/use-polled";
 import type { ComparedSignal, SignalFigures } from "../../../wire/routes";
 import { type CompareModel, requestOf } from "./model";
 import type { ComparePlace, SideChoice } from "./sides";
+import { TableHead } from "../../../ui/table-head";
 import { TEXT as ANALYSIS } from "../texts";
 import { TEXT } from "./texts";
 
@@ -31,18 +32,9 @@ export function Statistics({ signals }: { readonly signals: readonly ComparedSig
       <h2>{TEXT.statistics}</h2>
       <div class="compare-table">
         <table>
-          <thead>
-            <tr>
-              <th scope="col">{TEXT.quantity}</th>
-              {FIGURES.map((name) => (
-                <th scope="col" key={name}>
-                  {TEXT.figure[name]}
-                </th>
-              ))}
-              <th scope="col">{TEXT.figure.limits}</th>
-              <th scope="col">{TEXT.figure.n}</th>
-            </tr>
-          </thead>
+          <TableHead
+            of={[TEXT.quantity, ...[...FIGURES, "limits" as const, "n" as const].map((name) => TEXT.figure[name])]}
+          />
           <tbody>
             {rows.map(({ signal, unit, a, figures }) => (
               <tr key={signal}>
@@ -153,17 +145,13 @@ function SettingsDiff({ wanted }: { readonly wanted: Ready }) {
       {difference.rows.length > 0 && (
         <div class="compare-table">
           <table>
-            <thead>
-              <tr>
-                <th scope="col">{TEXT.setting}</th>
-                <th scope="col" class="side-a">
-                  {difference.left}
-                </th>
-                <th scope="col" class="side-b">
-                  {difference.right}
-                </th>
-              </tr>
-            </thead>
+            <TableHead
+              of={[
+                TEXT.setting,
+                { text: difference.left, class: "side-a" },
+                { text: difference.right, class: "side-b" },
+              ]}
+            />
             <tbody>
               {difference.rows.map((row) => (
                 <tr key={`${row.setting} ${row.path}`}>

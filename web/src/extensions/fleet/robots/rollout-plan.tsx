@@ -8,6 +8,7 @@ import { Message } from "../../../ui/message";
 import { storedName, storeName } from "../../../ui/person-name";
 import { ProblemNote } from "../../../ui/problem-note";
 import type { DeviceLeftOut, PlannedDevice, RolloutChanges, RolloutPlan } from "../../../wire/routes";
+import { TableHead } from "../../../ui/table-head";
 import { TEXT as FLEET } from "./texts";
 import { TEXT } from "./rollout-texts";
 
@@ -160,13 +161,7 @@ function Changes({ changes, devices }: ChangesProps) {
         {others.length > 0 && <span title={others.join("\n")}> {TEXT.more(others.length)}</span>}
       </h3>
       <table class="profile-table">
-        <thead>
-          <tr>
-            <th>{TEXT.settingTitle}</th>
-            <th>{TEXT.nowTitle}</th>
-            <th>{TEXT.profileTitle}</th>
-          </tr>
-        </thead>
+        <TableHead of={[TEXT.settingTitle, TEXT.nowTitle, TEXT.profileTitle]} />
         <tbody>
           {changes.rows.map(({ title, now, profile }) => (
             <tr key={title}>

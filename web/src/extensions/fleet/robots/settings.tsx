@@ -10,6 +10,7 @@ import type { Fleet } from "./fleet-state";
 import { GroupRollout } from "./group-rollout";
 import { PersonForm } from "./person-form";
 import { late } from "../../../ui/late";
+import { TableHead } from "../../../ui/table-head";
 import { TEXT } from "./texts";
 
 const RolloutDialog = late(async () => (await import("./rollout-dialog")).RolloutDialog);
@@ -93,13 +94,7 @@ function Check({ check }: { readonly check: DeviceSettingsCheck }) {
       {why !== "" && <p class="dim">{why}</p>}
       {rows.length > 0 && (
         <table class="profile-table">
-          <thead>
-            <tr>
-              <th>{TEXT.settingTitle}</th>
-              <th>{TEXT.profileTitle}</th>
-              <th>{TEXT.robotTitle}</th>
-            </tr>
-          </thead>
+          <TableHead of={[TEXT.settingTitle, TEXT.profileTitle, TEXT.robotTitle]} />
           <tbody>
             {rows.map(({ title, profile: right, robot: left }) => (
               <tr key={title}>
