@@ -1,7 +1,5 @@
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { intervalFor, MEASURED_MS, watchSampleInterval } from "./sample-interval";
-
-afterEach(() => vi.useRealTimers());
 
 test("a fast display gets samples as often as they are sent, a slow one four times a frame, a hidden page ten times a second", () => {
   expect(intervalFor(60, 1)).toBe(0);

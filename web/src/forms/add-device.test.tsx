@@ -1,12 +1,10 @@
 // @vitest-environment happy-dom
 import { signal } from "@preact/signals";
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, expect, it, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, it, vi } from "vitest";
 import { protocol } from "../testing/capabilities";
 import { capabilities } from "../wire/capabilities";
 import { AddDevice, type Begin } from "./add-device";
-
-afterEach(cleanup);
 
 const ANY = { pattern: "", malformed: "", example: "" };
 

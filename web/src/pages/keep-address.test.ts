@@ -17,7 +17,6 @@ beforeEach(() => {
 });
 afterEach(() => {
   stop();
-  vi.useRealTimers();
 });
 
 it("is written as soon as the view stands still", () => {

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** What is in memory is saved as a recording, or exported, for the range in view. */
-import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { act, fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
 import type { RecordingInfo } from "../recordings/types";
 import { newApp } from "../testing/live-page";
 import { answering, type Asked, recorded } from "../testing/recorded";
@@ -35,14 +35,6 @@ function open(held: readonly object[]): { readonly app: App; readonly asked: rea
   render(<MemoryDialog app={app} onClose={close} />);
   return { app, asked, closed: () => close.mock.calls.length };
 }
-
-beforeEach(() => {
-  HTMLDialogElement.prototype.showModal ??= () => undefined;
-});
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 
 const HELD = [{ device: "1", t0: NOW - 200, t1: NOW, size: 1_000_000 }];
 const body = (asked: readonly Asked[]): unknown => asked.find(({ path }) => path.endsWith("/save-memory"))?.body;

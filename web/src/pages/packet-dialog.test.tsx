@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** The packet view: the frame of a sample with the meaning of its bytes, its neighbours, and the way back to the plot. */
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
 import type { PacketAt } from "../panels/panel-context";
 import { answering, type Asked } from "../testing/recorded";
 import type { PacketInfo, PacketView } from "../wire/routes";
@@ -61,14 +61,6 @@ function open(at: Partial<PacketAt> = {}): {
   render(<PacketDialog at={what} name="MTi-630" onClose={close} />);
   return { asked, pin, close: () => close.mock.calls.length };
 }
-
-beforeEach(() => {
-  HTMLDialogElement.prototype.showModal ??= () => undefined;
-});
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 
 test("the frame of a sample is shown byte by byte", async () => {
   const { asked } = open();

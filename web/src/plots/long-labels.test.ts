@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 /** A plot of one quantity with long numbers, of a clock or a latitude. */
-import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { beforeEach, expect, it, vi } from "vitest";
 import type { Channel } from "../data/channels";
 import { createViewState } from "../data/view-state";
 import { channelInfo, columnInfo } from "../testing/fixtures";
@@ -27,8 +27,6 @@ beforeEach(() => {
   });
   vi.spyOn(HTMLCanvasElement.prototype, "getContext").mockImplementation(() => nothing as never);
 });
-afterEach(() => vi.restoreAllMocks());
-
 /** The plot of a column that rises by one a second from `from`, of which the newest 2 s are drawn. */
 function drawn(name: string, from: number): Plot {
   const info = channelInfo({ id: 1, name, kind: "scalar", columns: [columnInfo({ name, label: name, dtype: "f8" })] });

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** Two plot stacks in one document over the same samples: actions on one do not affect the other. */
 import { fireEvent } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { afterEach, beforeEach, expect, test } from "vitest";
 import { Store } from "../data/store";
 import { createViewState, type ViewState } from "../data/view-state";
 import { giveSizes } from "../testing/live-page";
@@ -39,7 +39,6 @@ afterEach(() => {
     panel.dispose();
     host.remove();
   }
-  vi.restoreAllMocks();
 });
 
 let clock = 0;

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 /** The y axis: arithmetic of zooming, what is typed, and the control of a plot with its form. */
-import { cleanup, fireEvent, render, screen } from "@testing-library/preact";
+import { fireEvent, render, screen } from "@testing-library/preact";
 import { h } from "preact";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Store } from "../data/store";
@@ -68,10 +68,7 @@ describe("the control", () => {
     draw();
   });
   afterEach(() => {
-    cleanup();
     panel.dispose();
-    document.body.replaceChildren();
-    vi.restoreAllMocks();
   });
 
   it("fixes a range by wheel and keys, says so, and is automatic again by a double click", () => {

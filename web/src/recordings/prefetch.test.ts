@@ -57,8 +57,6 @@ describe("a recording that is about to be opened", () => {
   });
   afterEach(async () => {
     (await prefetch.take("nobody", undefined)).screen?.dispose(); // dispose of a prepared one
-    vi.useRealTimers();
-    vi.unstubAllGlobals();
   });
   const settled = () => vi.advanceTimersByTimeAsync(100);
 

@@ -1,4 +1,4 @@
-import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { beforeEach, expect, it, vi } from "vitest";
 import { createViewState } from "../data/view-state";
 import { channelInfo, columnInfo } from "../testing/fixtures";
 import { ReplayController } from "./replay-controller";
@@ -23,8 +23,6 @@ const NOWHERE = { hide: [], show: [], panels: [] };
 beforeEach(() => {
   vi.stubGlobal("fetch", () => Promise.resolve(new Response(new ArrayBuffer(0), { headers: { "x-exact": "1" } })));
 });
-afterEach(() => vi.unstubAllGlobals());
-
 it("opens at the first sample of its device, not before it, where every value is missing", () => {
   const later = { ...detail("late", 1000), begins: { "1": 1001.4 } };
   const opened = new ReplayController(later, NOWHERE, createViewState());

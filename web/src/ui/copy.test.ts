@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-import { afterEach, expect, it, vi } from "vitest";
+import { expect, it, vi } from "vitest";
 import { copyText } from "./copy";
 
 /** A page over plain HTTP: no clipboard, but a command that copies what is selected. */
@@ -15,11 +15,6 @@ function insecure(allowed: boolean): { readonly copied: () => string; readonly w
   };
   return { copied: () => copied, within: () => within };
 }
-
-afterEach(() => {
-  document.body.replaceChildren();
-  vi.unstubAllGlobals();
-});
 
 it("copies by a selection where there is no clipboard, and leaves nothing behind", async () => {
   const page = insecure(true);

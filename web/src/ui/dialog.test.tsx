@@ -1,13 +1,12 @@
 // @vitest-environment happy-dom
 /** When a dialog says that it was closed. */
 import { cleanup, fireEvent, render, screen } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import { Dialog } from "./dialog";
 
 const onClose = vi.fn();
 
 beforeEach(() => {
-  HTMLDialogElement.prototype.showModal ??= () => undefined;
   onClose.mockClear();
   render(
     <Dialog title="Open a file" onClose={onClose}>
@@ -15,8 +14,6 @@ beforeEach(() => {
     </Dialog>,
   );
 });
-
-afterEach(cleanup);
 
 const cancel = () => new Event("cancel", { bubbles: true, cancelable: true });
 

@@ -1,4 +1,4 @@
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { addressOf, request, respond } from "./http";
 
 /** Answers every request in this way; returns the requests. */
@@ -13,8 +13,6 @@ function answering(answer: () => Response): readonly [path: string, init: Reques
 
 const json = (value: unknown, status = 200): Response =>
   new Response(JSON.stringify(value), { status, headers: { "content-type": "application/json" } });
-
-afterEach(() => vi.unstubAllGlobals());
 
 test("names in a path are escaped, and a query contains the given values", () => {
   expect(addressOf("GET /api/recordings/{recording}/download", { path: { recording: "a/b c" } })).toBe(

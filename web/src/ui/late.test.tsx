@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** Code that is fetched when it is first shown. */
-import { act, cleanup, render, screen } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { act, render, screen } from "@testing-library/preact";
+import { beforeEach, expect, test, vi } from "vitest";
 import { late } from "./late";
 import { latePanel } from "./late-panel";
 
@@ -9,11 +9,6 @@ const Greeting = ({ name }: { readonly name: string }) => <p>Hello {name}</p>;
 
 beforeEach(() => {
   vi.useFakeTimers();
-});
-
-afterEach(() => {
-  cleanup();
-  vi.useRealTimers();
 });
 
 test("what is shown meanwhile gives way to the component, which is fetched once", async () => {

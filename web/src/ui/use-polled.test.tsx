@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** What is asked for again and again, beside changes of it. */
-import { act, cleanup, render, screen } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { act, render, screen } from "@testing-library/preact";
+import { beforeEach, expect, test, vi } from "vitest";
 import type { HttpProblem, Outcome } from "./http";
 import { type Polled, usePolled } from "./use-polled";
 
@@ -37,11 +37,6 @@ beforeEach(async () => {
   render(<Shown of="1" />);
   await pass(50);
 });
-afterEach(() => {
-  cleanup();
-  vi.useRealTimers();
-});
-
 test("an answer that was asked for before a change was made does not undo it", async () => {
   await answer(ok("off"));
   await pass(EVERY_MS);

@@ -42,8 +42,6 @@ beforeEach(async () => {
 });
 afterEach(() => {
   send({ kind: "stop" });
-  vi.unstubAllGlobals();
-  vi.useRealTimers();
 });
 
 const states = (): readonly string[] => told.flatMap((one) => (one.kind === "connection" ? [one.state] : []));

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** The form of an alarm: what it sends, and where it marks a mistake. */
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
 import { newApp } from "../../testing/live-page";
 import { answering } from "../../testing/recorded";
 import type { AlarmDefinition } from "../../wire/routes";
@@ -23,11 +23,6 @@ const STORED: AlarmDefinition = {
   recording: { before_s: 20, after_s: 0, longest_s: 90, per_hour: 2, every_device: true },
 };
 const DEVICE = { id: "1", serial_number: "0080A1B2", source: "sim:xbus", name: "MTi-630" } as DeviceInfo;
-
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 
 test("a stored alarm comes out of the form as it went in, with what the form does not show", () => {
   expect(definitionOf(fieldsOf({ id: "a", definition: STORED }, DEVICE), STORED)).toEqual(STORED);

@@ -1,15 +1,10 @@
 // @vitest-environment happy-dom
 /** The list of alarms beside changes of it. */
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { newApp } from "../../testing/live-page";
 import type { AlarmInfo } from "../../wire/routes";
 import { followAlarms } from "./follow";
 import { alarmList } from "./list";
-
-afterEach(() => {
-  vi.unstubAllGlobals();
-  vi.useRealTimers();
-});
 
 const alarms = (id: string): readonly AlarmInfo[] => [{ id } as unknown as AlarmInfo];
 

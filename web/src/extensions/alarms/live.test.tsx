@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** Alarms on signals: from the tree of signals, and from the legend of a plot. */
 import { fireEvent, screen } from "@testing-library/preact";
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { Store } from "../../data/store";
 import { createViewState } from "../../data/view-state";
 import { mountStack } from "../../plots/plot-stack";
@@ -11,8 +11,6 @@ import { draftOf } from "./list";
 import type { AlarmDraft } from "./states";
 
 const known = recorded("xbus");
-
-afterEach(() => vi.restoreAllMocks());
 
 test("an alarm on a signal begins with the signal and a limit", async () => {
   const opened = await openPage(known, { answers: { "POST /api/alarms/check": {} } });

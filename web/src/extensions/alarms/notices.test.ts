@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 /** Browser notifications of alarms: only when asked for, allowed, and the page is not in front. */
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import type { EventInfo } from "../../wire/types";
 import { eventInfo } from "../../testing/fixtures";
 import { noticeState, notifyRaised, switchNotices } from "./notices";
@@ -36,11 +36,6 @@ beforeEach(() => {
   vi.stubGlobal("isSecureContext", true);
   vi.spyOn(document, "hasFocus").mockReturnValue(false);
 });
-afterEach(() => {
-  vi.unstubAllGlobals();
-  vi.restoreAllMocks();
-});
-
 test("nothing is asked or shown before a click", () => {
   expect(noticeState()).toBe("off");
   notifyRaised(EVENTS, 0, NOW);

@@ -1,8 +1,8 @@
 // @vitest-environment happy-dom
 /** The list of alarms: states in words and symbols, acknowledged by name; and the intervals from events. */
 import { signal } from "@preact/signals";
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { beforeEach, expect, test } from "vitest";
 import { newApp } from "../../testing/live-page";
 import { answering } from "../../testing/recorded";
 import type { AlarmInfo, AlarmState } from "../../wire/routes";
@@ -40,11 +40,6 @@ function alarm(id: string, state: Partial<AlarmState>, level: "warning" | "error
 }
 
 beforeEach(() => localStorage.clear());
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
-
 function panel(alarms: readonly AlarmInfo[]) {
   const app = newApp();
   app.viewState.view.value = { ...app.viewState.view.value, device: "1" };

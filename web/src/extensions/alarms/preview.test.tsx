@@ -1,17 +1,12 @@
 // @vitest-environment happy-dom
 /** The preview of an alarm: what it asks, and what it says. */
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
 import { answering } from "../../testing/recorded";
 import { PreviewNote, previewWords } from "./preview";
 
 const found = { times: 3, t0: 1000, t1: 1588, worst: 34.25, unit: "m/s²", seconds: 2, intervals: [] };
 const condition = { kind: "expression", expression: "Acceleration.x > 1 g", clear: "" };
-
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 
 test("the sentence has how often, in which time, and the worst value", () => {
   expect(previewWords(found)).toBe("Would have been raised 3 times in the last 9.8 min; worst 34.250 m/s².");

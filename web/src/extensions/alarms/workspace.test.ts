@@ -1,5 +1,5 @@
 /** Alarms that travel with a workspace: which go with it, and which a server lacks. */
-import { afterEach, expect, test, vi } from "vitest";
+import { expect, test } from "vitest";
 import { answering } from "../../testing/recorded";
 import type { AlarmDefinition, AlarmInfo, DeviceFilter } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
@@ -20,8 +20,6 @@ const alarm = (name: string, devices: Partial<DeviceFilter> = { family: "xbus" }
   } as unknown as AlarmDefinition,
   states: [],
 });
-
-afterEach(() => vi.unstubAllGlobals());
 
 test("the alarms of the devices go with a workspace, without webhooks", () => {
   const other = alarm("Other", { device: "0099" });

@@ -1,8 +1,8 @@
 // @vitest-environment happy-dom
 /** The analysis dialog: what is asked for, the figures that are shown, and mistakes in an expression. */
 import { signal } from "@preact/signals";
-import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
 import type { Channel } from "../../data/channels";
 import { createViewState } from "../../data/view-state";
 import type { Deps } from "../../panels/panel-context";
@@ -74,14 +74,6 @@ function open(
 
 const bodies = (asked: readonly Asked[]): readonly Record<string, unknown>[] =>
   asked.map(({ body }) => body as Record<string, unknown>);
-
-beforeEach(() => {
-  HTMLDialogElement.prototype.showModal ??= () => undefined;
-});
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 
 test("the spectrum of the window is shown first, with its peaks and notes", async () => {
   const asked = open({ [`${ROUTE}/psd`]: ["x", "y", "z"].map(figures) });

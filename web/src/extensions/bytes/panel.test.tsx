@@ -37,8 +37,6 @@ const frame = (): void => panel?.update((frames += 500));
 
 afterEach(() => {
   panel?.dispose();
-  document.body.replaceChildren();
-  vi.unstubAllGlobals();
 });
 
 function open(recording?: string) {

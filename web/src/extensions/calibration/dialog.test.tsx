@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** The calibration coach: choice, progress, refusal, result, and what is sent. */
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
 import { answering, type Asked } from "../../testing/recorded";
 import type { CalibrationReport, CalibrationState } from "../../wire/routes";
 import type { DeviceInfo, DeviceJobs, Job } from "../../wire/types";
@@ -92,14 +92,6 @@ function open(answers: Record<string, unknown>): readonly Asked[] {
 
 const sent = (asked: readonly Asked[], method: string): Asked | undefined =>
   asked.find((one) => one.method === method && one.path === ROUTE);
-
-beforeEach(() => {
-  HTMLDialogElement.prototype.showModal ??= () => undefined;
-});
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 
 test("what a device cannot calibrate says why, and the rest starts with one press", async () => {
   const asked = open({ [`GET ${ROUTE}`]: state(null, false), [`POST ${ROUTE}`]: state(REPORT, true) });

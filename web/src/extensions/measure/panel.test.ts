@@ -31,8 +31,6 @@ beforeEach(() => {
 });
 afterEach(() => {
   for (const panel of panels) panel.dispose();
-  document.body.replaceChildren();
-  vi.restoreAllMocks();
 });
 
 let clock = 0;

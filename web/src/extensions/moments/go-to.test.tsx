@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** The bar that goes to a moment: times, places of each kind, and conditions with their mistakes. */
 import { cleanup, fireEvent, render, screen } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { beforeEach, expect, it, vi } from "vitest";
 import { createViewState, type ViewState } from "../../data/view-state";
 import { answering, type Answers, type Asked } from "../../testing/recorded";
 import { GoTo } from "./go-to";
@@ -26,11 +26,6 @@ beforeEach(() => {
   });
   state.view.value = { ...state.view.peek(), device: "2", live: false, end: START + 20, span: 20 };
 });
-afterEach(() => {
-  cleanup();
-  vi.restoreAllMocks();
-});
-
 function open(answers: Answers = {}): readonly Asked[] {
   const asked = answering(answers);
   const places = { event: [START + 5, START + 50], marker: [START + 7], gap: [] };

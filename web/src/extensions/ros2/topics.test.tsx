@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** The dialog of ROS 2 topics: who subscribes, what a device lacks, and one switch for each topic. */
 import { cleanup, fireEvent, render, screen } from "@testing-library/preact";
-import { afterEach, beforeEach, expect, test, vi } from "vitest";
+import { expect, test, vi } from "vitest";
 import { openPage } from "../../testing/live-page";
 import { answering, type Asked, recorded } from "../../testing/recorded";
 import type { RosState, RosTopic } from "../../wire/routes";
@@ -41,14 +41,6 @@ function open(answers: Record<string, unknown>): readonly Asked[] {
   render(<RosTopics device={{ id: "1", name: "MTi-630" } as DeviceInfo} onClose={() => undefined} />);
   return asked;
 }
-
-beforeEach(() => {
-  HTMLDialogElement.prototype.showModal ??= () => undefined;
-});
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 
 test("topics of the device are shown with subscribers, rate and what it lacks", async () => {
   open({ "GET /api/ros2": STATE });

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** The dialog of shared ports: who is there and who talks; a share is added and ended, a program disconnected. */
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, test } from "vitest";
 import { answering, type Asked } from "../../testing/recorded";
 import type { SharedPort } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
@@ -53,11 +53,6 @@ function open(answers: Record<string, unknown>): readonly Asked[] {
   render(<SharePort app={{} as App} device={{ id: "1", name: "MTi-630" } as DeviceInfo} onClose={() => undefined} />);
   return asked;
 }
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
-
 test("programs are shown with what they get, lose and may do", async () => {
   open({ [`GET ${ROUTE}`]: SHARED });
   const share = await screen.findByRole("region", { name: "tcp://127.0.0.1:4001" });

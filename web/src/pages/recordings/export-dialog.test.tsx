@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** The export dialog shows length, channels and format before it exports. */
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
 import type { Store } from "../../data/store";
 import type { RecordingDetail, RecordingInfo } from "../../recordings/types";
 import { newApp } from "../../testing/live-page";
@@ -49,11 +49,6 @@ function open(): { readonly asked: readonly Asked[]; readonly store: Store } {
   render(<ExportDialog app={app} of={of} />);
   return { asked, store };
 }
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
-
 test("range, format and channels are chosen, shown and requested", async () => {
   const { asked, store } = open();
   const words = (): string => document.querySelector("dialog p")?.textContent ?? "";

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** Time controls and markers of an open recording. */
-import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
-import { afterEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
+import { expect, test } from "vitest";
 import { createViewState } from "../../data/view-state";
 import { ReplayController } from "../../recordings/replay-controller";
 import type { RecordingDetail } from "../../recordings/types";
@@ -39,10 +39,6 @@ function open(answers: Answers = {}): { readonly replay: ReplayController; reado
   );
   return { replay, asked };
 }
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 const button = (name: string | RegExp): HTMLElement => screen.getByRole("button", { name });
 const list = (): readonly string[] => [...document.querySelectorAll(".markers li")].map((one) => one.textContent ?? "");
 

@@ -1,8 +1,8 @@
 // @vitest-environment happy-dom
 /** The comparison page: what is asked for, the plots, moving B, aligning, statistics and settings. */
 import { signal } from "@preact/signals";
-import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/preact";
-import { afterEach, expect, test, vi } from "vitest";
+import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
+import { expect, test, vi } from "vitest";
 import { route } from "../../../pages/route";
 import type { App } from "../../../pages/app-state";
 import { answering, type Asked } from "../../../testing/recorded";
@@ -72,11 +72,6 @@ function open(query: string, answers: Record<string, unknown> = {}, otherName = 
 
 const bodies = (asked: readonly Asked[]): readonly Record<string, unknown>[] =>
   asked.filter(({ path }) => path === "/api/comparison").map(({ body }) => body as Record<string, unknown>);
-
-afterEach(() => {
-  cleanup();
-  vi.unstubAllGlobals();
-});
 
 test("two live devices are compared by the clock, with plots, gaps, statistics and the angle", async () => {
   const asked = open("a=1&al=30");
