@@ -49,9 +49,7 @@ function open(begin?: Begin): unknown[] {
   const bodies: unknown[] = [];
   vi.stubGlobal("fetch", (_: string, { body }: RequestInit) => {
     bodies.push(JSON.parse(String(body)));
-    return Promise.resolve(
-      new Response(JSON.stringify({ id: "7" }), { headers: { "content-type": "application/json" } }),
-    );
+    return Promise.resolve(Response.json({ id: "7" }));
   });
   render(<AddDevice begin={begin} address={signal("")} onClose={() => undefined} onAdded={() => undefined} />);
   return bodies;

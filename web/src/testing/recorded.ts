@@ -131,11 +131,8 @@ export function answering(answers: Answers, slow = "", keys: ReadonlyMap<string,
     const answered = whole ?? known.get(`${method} ${place}`);
     const found: unknown = typeof answered === "function" ? answered(new URLSearchParams(query)) : answered;
     const missing = { kind: "not-found", message: `Nothing was recorded of ${path}.`, hint: "" };
-    const headers = { "content-type": "application/json" };
     const answer =
-      found instanceof Response
-        ? found
-        : new Response(JSON.stringify(found ?? missing), { status: found === undefined ? 404 : 200, headers });
+      found instanceof Response ? found : Response.json(found ?? missing, { status: found === undefined ? 404 : 200 });
     const takes = slow !== "" && path.endsWith(slow) ? SLOW_MS : ON_THE_WAY_MS;
     return new Promise((resolve) => setTimeout(() => resolve(answer), takes));
   });

@@ -11,8 +11,7 @@ function answering(answer: () => Response): readonly [path: string, init: Reques
   return asked;
 }
 
-const json = (value: unknown, status = 200): Response =>
-  new Response(JSON.stringify(value), { status, headers: { "content-type": "application/json" } });
+const json = (value: unknown, status = 200): Response => Response.json(value, { status });
 
 test("names in a path are escaped, and a query contains the given values", () => {
   expect(addressOf("GET /api/recordings/{recording}/download", { path: { recording: "a/b c" } })).toBe(

@@ -51,7 +51,7 @@ test("each is added, and one that is refused does not stop the others", async ()
   const refusal = { kind: "bad-expression", message: "There is no signal Odd.", hint: "" };
   answering({
     [`POST /api/alarms ${JSON.stringify(good)}`]: {},
-    [`POST /api/alarms ${JSON.stringify(bad)}`]: () => new Response(JSON.stringify(refusal), { status: 422 }),
+    [`POST /api/alarms ${JSON.stringify(bad)}`]: () => Response.json(refusal, { status: 422 }),
   });
   const { names, refused } = await addAlarms([bad, good]);
   expect(names).toEqual(["Hot"]);

@@ -200,7 +200,7 @@ test("an expression is sent as typed, and its mistake is shown while the last fi
   expect(bodies(asked)[0]?.["signals"]).toEqual(["2/Acceleration"]);
   vi.stubGlobal("fetch", async (_: string, init: RequestInit) => {
     expect(JSON.parse(String(init.body)).signals).toEqual(["nrom(Acceleration)"]);
-    return new Response(JSON.stringify(problem), { status: 422, headers: { "content-type": "application/json" } });
+    return Response.json(problem, { status: 422 });
   });
   fireEvent.input(screen.getByRole("combobox", { name: /Signals or expressions/ }), {
     target: { value: "nrom(Acceleration)" },

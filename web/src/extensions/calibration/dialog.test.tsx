@@ -180,7 +180,7 @@ test("a result is written like any change: asked once, then carried out, with it
   const harm = { kind: "confirm", message: "All data move.", hint: "Send it again." };
   const answers: Record<string, unknown> = {
     [`GET ${ROUTE}`]: { ...state({ ...FOUND, kind: "mounting" }, false), write },
-    [apply]: new Response(JSON.stringify(harm), { status: 409, headers: { "content-type": "application/json" } }),
+    [apply]: Response.json(harm, { status: 409 }),
   };
   const asked = answering(answers);
   const jobs = { device: "1", running: null, queue: [], done: [job], pending_rollback: null } as unknown as DeviceJobs;
@@ -215,10 +215,7 @@ test("a device that was not read is read first, which writes nothing", async () 
 test("a refusal of the server is shown", async () => {
   open({
     [`GET ${ROUTE}`]: state(null, false),
-    [`POST ${ROUTE}`]: new Response(JSON.stringify({ kind: "view-only", message: "View-only.", hint: "" }), {
-      status: 403,
-      headers: { "content-type": "application/json" },
-    }),
+    [`POST ${ROUTE}`]: Response.json({ kind: "view-only", message: "View-only.", hint: "" }, { status: 403 }),
   });
   fireEvent.click(await screen.findByRole("button", { name: /Gyroscope bias/ }));
   expect((await screen.findByRole("alert")).textContent).toContain("View-only.");

@@ -65,10 +65,7 @@ test("a mistake is marked where it is, with the server's sentence", async () => 
   const message = "Signal Foo not found. (character 7)"; // of "(norm(Foo))"
   const { input } = await openForm({
     "POST /api/analysis/expression": () =>
-      new Response(JSON.stringify({ kind: "bad-expression", message, hint: "Channels: Acceleration." }), {
-        status: 422,
-        headers: { "content-type": "application/json" },
-      }),
+      Response.json({ kind: "bad-expression", message, hint: "Channels: Acceleration." }, { status: 422 }),
   });
   fireEvent.input(input, { target: { value: "norm(Foo)" } });
   expect(await screen.findByText(/Signal Foo not found\. \(character 6\) Channels: Acceleration\./)).toBeTruthy();

@@ -93,8 +93,7 @@ test("another clock is used, or the usual one again", async () => {
 
 test("a refused choice says why, and the clocks stay to choose again", async () => {
   const refusal = { kind: "busy", message: "It is being decoded.", hint: "" };
-  const headers = { "content-type": "application/json" };
-  const refused = (): Response => new Response(JSON.stringify(refusal), { status: 409, headers });
+  const refused = (): Response => Response.json(refusal, { status: 409 });
   open([], { "DELETE /api/recordings/yard/reading": refused });
   fireEvent.click(await screen.findByText("Automatic"));
   expect(await screen.findByText(/It is being decoded/)).toBeTruthy();

@@ -119,7 +119,7 @@ it("goes to where a condition is true, after and before the cursor", async () =>
 it("marks a mistake where it is", async () => {
   const problem = { kind: "bad-expression", message: "Signal accc not found. (character 6)", hint: "Channels: acc." };
   open({
-    [ROUTE]: new Response(JSON.stringify(problem), { status: 422, headers: { "content-type": "application/json" } }),
+    [ROUTE]: Response.json(problem, { status: 422 }),
   });
   await type("norm(accc) > 3 g");
   await vi.waitFor(() => expect(said()).toContain("Signal accc not found."));

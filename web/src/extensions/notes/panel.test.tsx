@@ -63,7 +63,7 @@ test("notes that somebody changed meanwhile are shown below one's own, and both 
   const changed = { kind: "changed", message: "The notes were changed elsewhere.", hint: "" };
   const asked = answering({
     "GET /api/recordings": () => listed(isChanged ? "Turn" : ""),
-    "PATCH /api/recordings/yard": () => new Response(JSON.stringify(changed), { status: 412 }),
+    "PATCH /api/recordings/yard": () => Response.json(changed, { status: 412 }),
   });
   open();
   fireEvent.click(await screen.findByText("Write notes"));

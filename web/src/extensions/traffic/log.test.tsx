@@ -11,7 +11,7 @@ import { bodiesOf, buttonOf as button, find, job, until } from "../../testing/qu
 
 test("bytes by hand are checked, asked about, sent as they are, and found in the log", async () => {
   const message = "GoToConfig: Stop measuring.";
-  const asked = new Response(JSON.stringify({ kind: "confirm", message, hint: "" }), { status: 409 });
+  const asked = Response.json({ kind: "confirm", message, hint: "" }, { status: 409 });
   const answers = {
     'POST /api/devices/1/raw {"confirmed":false,"hex":"faff3000d1"}': asked,
     'POST /api/devices/1/raw {"confirmed":true,"hex":"faff3000d1"}': job(2, { state: "waiting" }),
@@ -52,7 +52,7 @@ test("who may only look has no bytes to send", async () => {
 });
 
 test("two pages beside each other have their own bytes by hand, and their own questions", async () => {
-  const asked = new Response(JSON.stringify({ kind: "confirm", message: "Sure.", hint: "" }), { status: 409 });
+  const asked = Response.json({ kind: "confirm", message: "Sure.", hint: "" }, { status: 409 });
   const { store } = await openConfigure("xbus", { answers: { "POST /api/devices/1/raw": asked } });
   render(<ConfigurePage app={newApp(store)} />);
   const [left, right] = [...document.querySelectorAll<HTMLElement>(".app.configure")];

@@ -34,7 +34,7 @@ test("it is a panel of the workspace once a person shows it there", async () => 
 
 test("why there is no scene is said in its place", async () => {
   const problem = { kind: "missing", message: "viser is not installed.", hint: "Install it." };
-  const refused = { "GET /api/views/scene": () => new Response(JSON.stringify(problem), { status: 503 }) };
+  const refused = { "GET /api/views/scene": () => Response.json(problem, { status: 503 }) };
   await openPage(recorded("xbus"), { answers: refused });
   await waitFor(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
   fireEvent.click(screen.getAllByRole("button", { name: "3D scene" })[0] as HTMLElement);

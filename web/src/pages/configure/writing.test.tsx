@@ -45,8 +45,7 @@ test("who applies before the preview has come is told all the same that the chan
     slow: "/preview",
     answers: {
       "POST /api/devices/1/preview": { ...(preview as PreviewResult), line },
-      "POST /api/devices/1/apply": () =>
-        new Response(JSON.stringify(harm), { status: 409, headers: { "content-type": "application/json" } }),
+      "POST /api/devices/1/apply": () => Response.json(harm, { status: 409 }),
     },
   });
   const rate = (await until("[data-field=words] select")) as HTMLSelectElement;

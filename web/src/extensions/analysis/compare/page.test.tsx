@@ -202,7 +202,7 @@ test("recordings of one title are told apart by their times", async () => {
 test("a refused comparison says why", async () => {
   const problem = { kind: "no-result", message: "No offset stands out.", hint: "Choose another range." };
   open("a=1&al=30&b=2&bl=30&signal=Quaternion", {
-    [ROUTE]: () => new Response(JSON.stringify(problem), { status: 422 }),
+    [ROUTE]: () => Response.json(problem, { status: 422 }),
   });
   expect(await screen.findByText("No offset stands out.")).toBeTruthy();
 });

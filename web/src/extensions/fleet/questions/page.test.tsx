@@ -62,7 +62,7 @@ test("a word is completed by keys", async () => {
 
 test("a mistake is marked at the place that the server names", async () => {
   const problem = { kind: "bad-query", message: "Line 1, column 8: there is no column robto.", hint: "" };
-  const { field } = await open({ "POST /api/query": () => new Response(JSON.stringify(problem), { status: 422 }) });
+  const { field } = await open({ "POST /api/query": () => Response.json(problem, { status: 422 }) });
   ask(field, "SELECT robto\nFROM recordings");
   await waitFor(() => expect(document.querySelector(".question-mistake mark")?.textContent).toBe("robto"));
   expect(document.getElementById("question-problem")?.textContent).toContain("Line 1, column 8");

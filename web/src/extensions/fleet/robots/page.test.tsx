@@ -124,7 +124,7 @@ test("an empty fleet says how a robot joins", async () => {
 
 test("a refusal is said with its reason", async () => {
   const words = { kind: "unauthorized", message: "A token is needed.", hint: "Open the printed address." };
-  await openFleet([], "#/fleet", new Response(JSON.stringify(words), { status: 401 }));
+  await openFleet([], "#/fleet", Response.json(words, { status: 401 }));
   await eventually(() => expect(find(".card").textContent).toContain("Access refused"));
   expect(find(".card").textContent).toContain("Open the printed address.");
 });
