@@ -7,7 +7,8 @@ import collections
 import itertools
 import os
 import signal
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -84,15 +85,14 @@ def ready(job: AnalysisJob) -> Callable[[], Awaitable[AnalysisJob]]:
     return get
 
 
-def run(work: Callable[[AnalysisService], Awaitable[None]], limits: AnalysisLimits = AnalysisLimits()) -> None:  # noqa: B008
-    async def main() -> None:
-        service = AnalysisService(limits)
-        try:
-            await work(service)
-        finally:
-            await service.close()
-
-    asyncio.run(main())
+@asynccontextmanager
+async def analyses(**limits: float) -> AsyncIterator[AnalysisService]:
+    """A service with these limits, closed with the block."""
+    service = AnalysisService(AnalysisLimits(**limits))
+    try:
+        yield service
+    finally:
+        await service.close()
 
 
 async def _process_in(file: Path) -> int:
@@ -100,48 +100,40 @@ async def _process_in(file: Path) -> int:
     return int(file.read_text())
 
 
-def test_samples_arrive_whole() -> None:
-    async def work(service: AnalysisService) -> None:
+async def test_samples_arrive_whole() -> None:
+    async with analyses() as service:
         samples = np.arange(3_000_000.0)
         found = await service.content("a", ready(SendsBack(samples)))
         assert found == (TEXT, str(int(samples.sum())).encode())
 
-    run(work)
 
-
-def test_an_analysis_beyond_its_memory_is_refused_and_the_next_one_answered() -> None:
-    async def work(service: AnalysisService) -> None:
+async def test_an_analysis_beyond_its_memory_is_refused_and_the_next_one_answered() -> None:
+    async with analyses(memory_mb=64) as service:
         with pytest.raises(DomainError, match="more memory than 64 MB") as refused:
             await service.content("a", ready(TakesMemory(2000)))
         assert refused.value.kind == "too-many"
         assert (await service.content("a", ready(Says("on")))).body == b"on"
 
-    run(work, AnalysisLimits(memory_mb=64))
 
-
-def test_an_analysis_beyond_its_time_is_killed(tmp_path: Path) -> None:
-    async def work(service: AnalysisService) -> None:
+async def test_an_analysis_beyond_its_time_is_killed(tmp_path: Path) -> None:
+    async with analyses(time_s=0.2) as service:
         with pytest.raises(DomainError, match=r"longer than 0\.2 s"):
             await service.content("a", ready(NeverEnds(tmp_path / "process")))
         pid = int((tmp_path / "process").read_text() or 0) if (tmp_path / "process").exists() else 0
         await until(lambda: not pid or not is_running(pid), "the process to end")
 
-    run(work, AnalysisLimits(time_s=0.2))
 
-
-def test_an_analysis_ends_with_its_client_though_it_holds_the_interpreter(tmp_path: Path) -> None:
-    async def work(service: AnalysisService) -> None:
+async def test_an_analysis_ends_with_its_client_though_it_holds_the_interpreter(tmp_path: Path) -> None:
+    async with analyses() as service:
         asked = asyncio.create_task(service.content("a", ready(NeverEnds(tmp_path / "process"))))
         pid = await _process_in(tmp_path / "process")
         asked.cancel()
         await until(lambda: not is_running(pid), "the process to end")
         assert service.queue.running == 0
 
-    run(work)
 
-
-def test_one_user_runs_one_analysis_while_another_gets_an_answer(tmp_path: Path) -> None:
-    async def work(service: AnalysisService) -> None:
+async def test_one_user_runs_one_analysis_while_another_gets_an_answer(tmp_path: Path) -> None:
+    async with analyses() as service:
         long = [asyncio.create_task(service.content("a", ready(NeverEnds(tmp_path / name)))) for name in "12"]
         await _process_in(tmp_path / "1")
         assert (await service.content("b", ready(Says("soon")))).body == b"soon"
@@ -150,19 +142,15 @@ def test_one_user_runs_one_analysis_while_another_gets_an_answer(tmp_path: Path)
             one.cancel()
         await asyncio.gather(*long, return_exceptions=True)
 
-    run(work)
 
-
-def test_an_analysis_that_the_system_kills_is_an_error_in_words() -> None:
-    async def work(service: AnalysisService) -> None:
+async def test_an_analysis_that_the_system_kills_is_an_error_in_words() -> None:
+    async with analyses() as service:
         with pytest.raises(DomainError, match="system ended the analysis"):
             await service.content("a", ready(IsKilled()))
 
-    run(work)
 
-
-def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
-    async def work(service: AnalysisService) -> None:
+async def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
+    async with analyses() as service:
         await service.content("a", ready(Says("1")))
         pid = service.forks.pid
         assert pid is not None
@@ -170,8 +158,6 @@ def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
         await until(lambda: not is_running(pid), "its end")
         assert (await service.content("a", ready(Says("2")))).body == b"2"
         assert service.forks.pid != pid
-
-    run(work)
 
 
 async def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
