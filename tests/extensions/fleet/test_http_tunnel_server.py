@@ -159,12 +159,7 @@ def test_a_robot_whose_line_is_lost_is_said_to_be(tmp_path: Path) -> None:
         assert gone.json()["hint"]
 
 
-def test_a_change_goes_back_by_itself_when_the_line_is_cut_before_it_is_confirmed(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with bench() as there:
-            there.hold_open()
-            await asyncio.to_thread(cut, there)
-
+async def test_a_change_goes_back_by_itself_when_the_line_is_cut_before_it_is_confirmed(tmp_path: Path) -> None:
     def cut(there: Any) -> None:
         source = f"serial://{there.slave}?baud=115200"
         with fleet_of(tmp_path, "control", source) as (server, own, _), http_client(headers=token(CONTROL)) as http:
@@ -188,7 +183,9 @@ def test_a_change_goes_back_by_itself_when_the_line_is_cut_before_it_is_confirme
             assert there.device is not None
             assert there.device.baud == 115_200
 
-    asyncio.run(check())
+    async with bench() as there:
+        there.hold_open()
+        await asyncio.to_thread(cut, there)
 
 
 def test_commands_need_a_line_that_nobody_else_can_write_to() -> None:

@@ -64,21 +64,18 @@ async def test_a_quantity_is_advertised_and_plots_without_set_up(bridged: Server
         assert abs(found[-1][1] - time.time()) < 20
 
 
-def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged: ServerProcess) -> None:
+async def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged: ServerProcess) -> None:
     from foxglove.messages import FrameTransform, LocationFix
 
     attitude, position = "/IMX-5/attitude", "/IMX-5/position"
 
-    async def play() -> list[tuple[str, float, bytes]]:
-        async with attached(bridged) as client:
-            await client.until(attitude, position)
-            assert client.channels[attitude]["schemaName"] == FrameTransform.get_schema().name
-            assert client.channels[position]["schemaName"] == LocationFix.get_schema().name
-            assert client.channels[attitude]["encoding"] == "protobuf"
-            await client.subscribe(attitude, position)
-            return await client.messages(40)
-
-    found = asyncio.run(play())
+    async with attached(bridged) as client:
+        await client.until(attitude, position)
+        assert client.channels[attitude]["schemaName"] == FrameTransform.get_schema().name
+        assert client.channels[position]["schemaName"] == LocationFix.get_schema().name
+        assert client.channels[attitude]["encoding"] == "protobuf"
+        await client.subscribe(attitude, position)
+        found = await client.messages(40)
     turn = next(body for topic, _, body in found if topic == attitude)
     fields = protobuf(turn)
     assert fields[2] == b"ENU"
@@ -165,19 +162,15 @@ async def test_it_comes_back_after_a_crash(bridged: ServerProcess) -> None:
         assert len(await client.messages(5)) == 5
 
 
-def test_a_stalled_client_delays_no_other(bridged: ServerProcess) -> None:
+async def test_a_stalled_client_delays_no_other(bridged: ServerProcess) -> None:
     """It subscribes to everything and reads nothing; other clients and the device are not affected."""
-
-    async def play() -> None:
-        async with attached(bridged) as lazy, attached(bridged) as client:
-            await lazy.until("/IMX-5/IMU/Acceleration")
-            await lazy.subscribe(*lazy.channels)
-            await client.until("/IMX-5/IMU/Acceleration")
-            await client.subscribe("/IMX-5/IMU/Acceleration")
-            found = await client.messages(30)
-            assert np.diff([at for _, at, _ in found]) == pytest.approx(0.01, abs=0.002)
-
-    asyncio.run(play())
+    async with attached(bridged) as lazy, attached(bridged) as client:
+        await lazy.until("/IMX-5/IMU/Acceleration")
+        await lazy.subscribe(*lazy.channels)
+        await client.until("/IMX-5/IMU/Acceleration")
+        await client.subscribe("/IMX-5/IMU/Acceleration")
+        found = await client.messages(30)
+        assert np.diff([at for _, at, _ in found]) == pytest.approx(0.01, abs=0.002)
     [device] = get(bridged.url + "/api/devices").json()
     assert device["status"] == "live"
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
 
+from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.shares import port_shares
 from imuscope.server.extensions.shares.port_shares import PortShares
@@ -16,20 +19,26 @@ from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
 from imuscope.server.links.base import LinkError
 from imuscope.server.processes import Program
 from tests.extensions.shares.shared_port import DevicePort, opened
-from tests.server.control_harness import house
+from tests.server.control_harness import ControlHarness, house
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 
 pytestmark = pytest.mark.usefixtures("runtime")
 
 
-async def test_two_shares_that_are_added_at_once_are_both_offered(tmp_path: Path) -> None:
-    """Each put a link of its own in place of the one before, and two tasks read the port."""
+@asynccontextmanager
+async def sharing(folder: Path) -> AsyncIterator[tuple[ControlHarness, PortShares, Session]]:
     port = DevicePort()
-    async with house(tmp_path) as here:
+    async with house(folder) as here:
         shares = PortShares(here.telemetry.bus, here.sessions, here.desks, {})
         session = here.sessions.add(f"{port.path}?baud=115200")
         await until(lambda: session.info.is_open, "it is open")
+        yield here, shares, session
+
+
+async def test_two_shares_that_are_added_at_once_are_both_offered(tmp_path: Path) -> None:
+    """Each put a link of its own in place of the one before, and two tasks read the port."""
+    async with sharing(tmp_path) as (_, shares, session):
         names = [f"{shares.folder}/{name}" for name in ("one", "two")]
         await asyncio.gather(*(shares.add(session, name) for name in names))
         link = session.access.link
@@ -45,17 +54,14 @@ async def test_a_share_of_a_device_that_is_removed_meanwhile_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The request waited for a link that was never opened, until its client had enough."""
-    port, opens = DevicePort(), asyncio.Event()
+    opens = asyncio.Event()
 
     async def slow(link: SharedPortLink, progress: object = None) -> None:
         opens.set()
         await asyncio.Event().wait()
 
     monkeypatch.setattr(SharedPortLink, "open", slow)
-    async with house(tmp_path) as here:
-        shares = PortShares(here.telemetry.bus, here.sessions, here.desks, {})
-        session = here.sessions.add(f"{port.path}?baud=115200")
-        await until(lambda: session.info.is_open, "it is open")
+    async with sharing(tmp_path) as (here, shares, session):
         adding = asyncio.create_task(shares.add(session, f"{shares.folder}/one"))
         await opens.wait()
         await here.sessions.remove(session.info.id)
@@ -72,11 +78,7 @@ async def test_a_port_that_is_shared_again_and_again_keeps_nothing_of_earlier_sh
     async def refused(link: SharedPortLink, progress: object = None) -> None:
         raise LinkError("refused", "No holder can be started.", "Try again.")
 
-    port = DevicePort()
-    async with house(tmp_path) as here:
-        shares = PortShares(here.telemetry.bus, here.sessions, here.desks, {})
-        session = here.sessions.add(f"{port.path}?baud=115200")
-        await until(lambda: session.info.is_open, "it is open")
+    async with sharing(tmp_path) as (_, shares, session):
         before = len(session.listeners._closing)
         for _ in range(2):
             await shares.add(session, f"{shares.folder}/one")
@@ -95,19 +97,16 @@ async def test_a_program_that_comes_and_leaves_is_told_in_that_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It had left before its name was found, and the last line of the log said that it was connected."""
-    port, looked = DevicePort(), threading.Event()
+    looked = threading.Event()
 
     def found_late(terminal: str) -> list[Program]:
         assert looked.wait(PATIENCE_S)
         return [Program(1, "driver")]
 
     monkeypatch.setattr(port_shares, "programs_with", found_late)
-    async with house(tmp_path) as here:
+    async with sharing(tmp_path) as (here, shares, session):
         told: list[str] = []
         here.telemetry.bus.events.subscribe(lambda event: told.append(event.text))
-        shares = PortShares(here.telemetry.bus, here.sessions, here.desks, {})
-        session = here.sessions.add(f"{port.path}?baud=115200")
-        await until(lambda: session.info.is_open, "it is open")
         await shares.add(session, f"{shares.folder}/one")
         link = session.access.link
         assert isinstance(link, SharedPortLink)
