@@ -5,16 +5,14 @@ import { expect, test } from "vitest";
 import { openPage } from "../testing/live-page";
 import { route } from "./route";
 import { type Answers, recorded, type Family, type Scene } from "../testing/recorded";
+import { dialogNamed, noDialog } from "../testing/queries";
 
-const eventually = (check: () => void): Promise<void> => waitFor(check);
 const open = (name: Family | Scene, answers: Answers = {}) => openPage(recorded(name), { answers });
-const dialog = (name: RegExp): Promise<HTMLElement> => screen.findByRole("dialog", { name });
-const gone = (): Promise<void> => eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
 
 test("a device is added by its address, and an error stays visible with its hint", async () => {
   const { asked } = await open("xbus");
   fireEvent.click(screen.getByRole("button", { name: "Add a device" }));
-  const form = await dialog(/Add/);
+  const form = await dialogNamed(/Add/);
   fireEvent.input(within(form).getByLabelText("Address"), { target: { value: "/dev/none" } });
   fireEvent.submit(form.querySelector("form") as HTMLFormElement);
   const alert = await within(form).findByRole("alert");
@@ -24,14 +22,14 @@ test("a device is added by its address, and an error stays visible with its hint
     body: { source: "/dev/none" },
   });
   fireEvent.click(within(form).getByRole("button", { name: "Cancel" }));
-  await gone();
+  await noDialog();
 });
 
 test("a key is requested for unverified data, and never shown", async () => {
   const key = "00112233445566778899aabbccddeeff";
   const { asked, store } = await open("unverified", { "POST /api/devices/1/read-as": {} });
   const [device] = store.devices.value;
-  await eventually(() => expect(document.querySelector("[data-key=wanted]")).not.toBeNull());
+  await waitFor(() => expect(document.querySelector("[data-key=wanted]")).not.toBeNull());
   fireEvent.click(screen.getByRole("button", { name: "Enter key…" }));
   const field = await screen.findByLabelText<HTMLInputElement>(/^Key for Secure frames/);
   expect(field.type).toBe("password");
@@ -42,7 +40,7 @@ test("a key is requested for unverified data, and never shown", async () => {
   expect(asked.length).toBe(before); // nothing was sent
   fireEvent.input(field, { target: { value: key } });
   fireEvent.submit(field.form as HTMLFormElement);
-  await eventually(() => expect(asked.length).toBeGreaterThan(before));
+  await waitFor(() => expect(asked.length).toBeGreaterThan(before));
   expect(asked.at(-1)).toMatchObject({ body: { key } });
   expect(asked.at(-1)?.path).toContain(`/${device?.id}`);
   expect(document.body.innerHTML).not.toContain(key);
@@ -53,9 +51,9 @@ test("a dialog does not stay over the next page", async () => {
   app.overlay.value = "help";
   await screen.findByRole("dialog");
   location.hash = "#/?device=1"; // the same page
-  await eventually(() => expect(route.value.query).toBe("device=1"));
+  await waitFor(() => expect(route.value.query).toBe("device=1"));
   expect(screen.queryByRole("dialog")).not.toBeNull();
   location.hash = "#/recordings";
-  await gone();
+  await noDialog();
   expect(app.overlay.value).toBeUndefined(); // or that page would show it
 });

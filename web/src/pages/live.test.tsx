@@ -8,7 +8,6 @@ import { type Family, recorded, type Scene } from "../testing/recorded";
 const texts = (selector: string): readonly string[] =>
   [...document.querySelectorAll(selector)].map((element) => element.textContent?.trim() ?? "");
 const text = (selector: string): string => texts(selector)[0] ?? "";
-const eventually = (check: () => void): Promise<void> => waitFor(check);
 const number = (words: string): number => Number(words.replace("−", "-").replace(/[\u2009°]/g, ""));
 const numeral = (name: string): number => number(text(`[data-numeral=${name}]`));
 const open = (name: Family | Scene, options?: Parameters<typeof openPage>[1]): Promise<Opened> =>
@@ -21,7 +20,7 @@ test.each([
   ["attitude-imu-quat", "ENU", "from quaternion", -12],
 ] as const)("the attitude of %s is the one that was sent", async (name, frame, source, pitch) => {
   await open(name);
-  await eventually(() => expect(Math.abs(numeral("heading") - 70)).toBeLessThan(0.06));
+  await waitFor(() => expect(Math.abs(numeral("heading") - 70)).toBeLessThan(0.06));
   expect(Math.abs(numeral("roll") - 20)).toBeLessThan(0.06);
   expect(Math.abs(numeral("pitch") - pitch)).toBeLessThan(0.06);
   expect(document.querySelectorAll("[data-numeral]").length).toBe(3);
@@ -48,7 +47,7 @@ test("a double click begins a recording, and does not end it", async () => {
   tell(false);
   const sent = (): readonly string[] => asked.flatMap(({ method, path }) => (method === "POST" ? [path] : []));
   fireEvent.click(await screen.findByRole("button", { name: "Record" }), { detail: 1 });
-  await eventually(() => expect(sent()).toEqual(["/api/recordings/start"]));
+  await waitFor(() => expect(sent()).toEqual(["/api/recordings/start"]));
   tell(true);
   fireEvent.click(await screen.findByRole("button", { name: /^Stop recording/ }), { detail: 2 });
   expect(sent()).toEqual(["/api/recordings/start"]);
@@ -57,7 +56,7 @@ test("a double click begins a recording, and does not end it", async () => {
 test("status without set-up", async () => {
   await open("isb");
   const lanes = (): readonly string[] => texts(".lane-names button");
-  await eventually(() => expect(lanes()).toContain("Solution"));
+  await waitFor(() => expect(lanes()).toContain("Solution"));
   expect(lanes().some((name) => name.includes("Fix"))).toBe(true);
   expect(lanes().length).toBeLessThan(15);
   const before = lanes().length;
@@ -73,24 +72,24 @@ test("status without set-up", async () => {
   );
   if (button === undefined) throw new Error("no height is offered");
   fireEvent.click(button);
-  await eventually(() => expect(texts(".legend b").some((name) => name.startsWith("Height above"))).toBe(true));
+  await waitFor(() => expect(texts(".legend b").some((name) => name.startsWith("Height above"))).toBe(true));
 });
 
 test("unverified data are marked wherever they are", async () => {
   await open("unverified");
-  await eventually(() => expect(document.querySelector(".device .trust[data-trust=unverified]")).not.toBeNull());
+  await waitFor(() => expect(document.querySelector(".device .trust[data-trust=unverified]")).not.toBeNull());
   expect(document.querySelectorAll("[data-key=wanted]").length).toBe(1);
-  await eventually(() => expect(texts(".values-table tr.group-row").length).toBeGreaterThan(0));
+  await waitFor(() => expect(texts(".values-table tr.group-row").length).toBeGreaterThan(0));
   expect(texts(".legend b").length).toBeGreaterThan(0);
   expect(texts(".legend b").filter((words) => !words.includes("▲"))).toEqual([]);
   expect(texts(".values-table tr.group-row").filter((words) => !words.includes("▲ unverified"))).toEqual([]);
-  await eventually(() => expect(text(".numerals .trust-mark")).toBe("▲ unverified"));
-  await eventually(() => expect(text(".health-list")).toMatch(/unverified\s*▲/));
+  await waitFor(() => expect(text(".numerals .trust-mark")).toBe("▲ unverified"));
+  await waitFor(() => expect(text(".health-list")).toMatch(/unverified\s*▲/));
 });
 
 test("devices that share a link are selected one by one", async () => {
   const { store, app, asked } = await open("shared-link");
-  await eventually(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(3));
+  await waitFor(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(3));
   expect([...texts(".device-list .device b")].sort()).toEqual(["IDTP device 102", "IDTP device 7", "IDTP device 9"]);
   expect(document.querySelectorAll(".device.sibling").length).toBe(2);
   for (const [name, protection, rate] of [
@@ -98,8 +97,8 @@ test("devices that share a link are selected one by one", async () => {
     ["IDTP device 102", "not protected", 50],
   ] as const) {
     fireEvent.click(screen.getByText(name, { selector: ".choose-device b" }));
-    await eventually(() => expect(text(".trust-mark")).toContain(protection));
-    await eventually(() => expect(text("[data-numeral=heading]")).toMatch(/\d/));
+    await waitFor(() => expect(text(".trust-mark")).toContain(protection));
+    await waitFor(() => expect(text("[data-numeral=heading]")).toMatch(/\d/));
     const { device } = app.viewState.view.value;
     expect(Math.abs((store.health.value.get(device ?? "")?.rate ?? 0) - rate)).toBeLessThan(8);
   }
@@ -112,27 +111,27 @@ test("devices that share a link are selected one by one", async () => {
   fireEvent.click(screen.getByRole("button", { name: "Remove" }));
   expect(asked.filter(({ method }) => method === "DELETE").map(({ path }) => path)).toEqual(["/api/devices/1"]);
   await act(() => store.receive({ kind: "text", text: { op: "devices", devices: [] } }));
-  await eventually(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(0));
+  await waitFor(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(0));
 });
 
 test("a lost device is named as such where it is listed", async () => {
   const { store } = await open("xbus");
-  await eventually(() => expect(document.querySelector(".device .choose-device")).not.toBeNull());
+  await waitFor(() => expect(document.querySelector(".device .choose-device")).not.toBeNull());
   expect(document.querySelector(".device .why .tag.bad")).toBeNull();
   const devices = store.devices.value.map((one) => ({ ...one, status: "lost" as const, is_open: false }));
   store.receive({ kind: "text", text: { op: "devices", devices } });
-  await eventually(() => expect(text(".device .why .tag.bad")).toMatch(/lost/i));
+  await waitFor(() => expect(text(".device .why .tag.bad")).toMatch(/lost/i));
 });
 
 test("a notice of the link is shown on the page", async () => {
   await open("two-senders");
-  await eventually(() => expect(text(".notice")).toMatch(/127\.0\.0\.1:\d+ and 127\.0\.0\.1:\d+/));
+  await waitFor(() => expect(text(".notice")).toMatch(/127\.0\.0\.1:\d+ and 127\.0\.0\.1:\d+/));
 });
 
 test("without a device the page shows a hint", async () => {
   const { store } = await open("xbus");
   await act(() => store.receive({ kind: "text", text: { op: "devices", devices: [] } }));
-  await eventually(() => expect(text("main")).toContain("No device"));
+  await waitFor(() => expect(text("main")).toContain("No device"));
 });
 
 test.each([
@@ -141,7 +140,7 @@ test.each([
 ])("what a device waits for is told: %s", async (device, words) => {
   const page = await open("waiting");
   await act(() => page.look(device));
-  await eventually(() => expect(text("main").toLowerCase()).toContain(words.toLowerCase()));
+  await waitFor(() => expect(text("main").toLowerCase()).toContain(words.toLowerCase()));
 });
 
 test("a port that may not be opened names its group and what to type, and is tried again at a press", async () => {
@@ -152,10 +151,10 @@ test("a port that may not be opened names its group and what to type, and is tri
   if (device === undefined) throw new Error("no device");
   const denied = { ...device, status: "denied", message: words, hint } as const;
   await act(() => store.receive({ kind: "text", text: { op: "devices", devices: [denied] } }));
-  await eventually(() => expect(text("main")).toContain(words));
+  await waitFor(() => expect(text("main")).toContain(words));
   expect(texts("main code")).toContain("sudo usermod -aG dialout $USER");
   fireEvent.click(screen.getAllByRole("button", { name: "Try now" }).at(-1) as HTMLElement);
-  await eventually(() =>
+  await waitFor(() =>
     expect(asked.some(({ method, path }) => method === "POST" && path === "/api/devices/1/retry")).toBe(true),
   );
 });
@@ -176,8 +175,8 @@ test("a device that is behind is told beside it, at Live, in Health, and dimmed"
   expect(texts(".device-list .why")).toEqual(["12 s behindthe server's computer is busy"]);
   const live = await screen.findByRole("button", { name: "Live, 12 s behind" });
   expect(live.querySelector(".dot.live")).toBeNull();
-  await eventually(() => expect(text(".note.verdict")).toContain("Behind by 12 s: the server's computer is busy"));
-  await eventually(() => expect(text(".strip .tag.warn:not([hidden])")).toContain("Behind by 12 s")); // on a phone
+  await waitFor(() => expect(text(".note.verdict")).toContain("Behind by 12 s: the server's computer is busy"));
+  await waitFor(() => expect(text(".strip .tag.warn:not([hidden])")).toContain("Behind by 12 s")); // on a phone
   expect(app.held()).toBe(true);
   expect(store.edgeOf(id), "no empty future").toBe(newest);
   await act(() => tell(0.2));

@@ -5,16 +5,13 @@ import { expect, test, vi } from "vitest";
 import { type Opened, openPage } from "../testing/live-page";
 import { recorded } from "../testing/recorded";
 import { keyGroups } from "../ui/keys";
-
-const eventually = (check: () => void): Promise<void> => waitFor(check);
+import { press } from "../testing/queries";
 
 async function open(): Promise<Opened & { readonly bar: ReturnType<typeof within> }> {
   const page = await openPage(recorded("xbus"));
-  await eventually(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
+  await waitFor(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
   return { ...page, bar: within(screen.getByRole("banner")) };
 }
-const press = (key: string, more: KeyboardEventInit = {}): void =>
-  void fireEvent.keyDown(document.body, { key, ...more });
 const pressed = (button: HTMLElement): string | null => button.getAttribute("aria-pressed");
 
 test("the time controls work and show the state", async () => {
@@ -22,12 +19,12 @@ test("the time controls work and show the state", async () => {
   const view = () => app.viewState.view.value;
   expect(pressed(bar.getByRole("button", { name: "Live" }))).toBe("true");
   fireEvent.click(bar.getByRole("button", { name: "Pause" }));
-  await eventually(() => expect(pressed(bar.getByRole("button", { name: "Pause" }))).toBe("true"));
+  await waitFor(() => expect(pressed(bar.getByRole("button", { name: "Pause" }))).toBe("true"));
   expect(view().live).toBe(false);
   fireEvent.change(bar.getByRole("combobox", { name: "Window length" }), { target: { value: "1" } });
   expect(view().span).toBe(1);
   fireEvent.click(bar.getByRole("button", { name: "Arrival time" }));
-  await eventually(() => expect(pressed(bar.getByRole("button", { name: "Arrival time" }))).toBe("true"));
+  await waitFor(() => expect(pressed(bar.getByRole("button", { name: "Arrival time" }))).toBe("true"));
   expect(view().timeBase).toBe("arrival");
   fireEvent.click(bar.getByRole("button", { name: /^Zoom in/ }));
   expect(view().span).toBeLessThan(1);
@@ -67,7 +64,7 @@ test("a length set by zooming is in the list too", async () => {
   press("+");
   const { span } = app.viewState.view.value;
   const list = (): HTMLElement => bar.getByRole("combobox", { name: "Window length" });
-  await eventually(() => expect(list()).toHaveProperty("value", String(span)));
+  await waitFor(() => expect(list()).toHaveProperty("value", String(span)));
 });
 
 test("the theme changes, and the button then offers the other", async () => {
@@ -76,7 +73,7 @@ test("the theme changes, and the button then offers the other", async () => {
   fireEvent.click(bar.getByRole("button", { name: /^Use the (dark|light) theme$/ }));
   const after = document.documentElement.dataset["theme"];
   expect(after).not.toBe(before);
-  await eventually(() =>
+  await waitFor(() =>
     expect(bar.queryByRole("button", { name: `Use the ${after === "dark" ? "light" : "dark"} theme` })).not.toBeNull(),
   );
 });
@@ -105,7 +102,7 @@ test("two keys lead to another page, and the tabs follow", async () => {
   dispatchEvent(new HashChangeEvent("hashchange"));
   const current = (): readonly string[] =>
     [...document.querySelectorAll(".tabs [aria-current=page]")].map(({ textContent }) => textContent ?? "");
-  await eventually(() => expect(current()).toEqual(["Recordings"]));
+  await waitFor(() => expect(current()).toEqual(["Recordings"]));
 });
 
 test.each(["the key", "the button"])("%s opens every key there is, and they rest meanwhile", async (way) => {
@@ -121,7 +118,7 @@ test.each(["the key", "the button"])("%s opens every key there is, and they rest
   press(" ", { code: "Space" });
   expect(app.viewState.isLive.value).toBe(true);
   fireEvent.click(within(help).getByRole("button", { name: "Close" }));
-  await eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
+  await waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
   press(" ", { code: "Space" });
   expect(app.viewState.isLive.value).toBe(false);
 });
@@ -134,12 +131,12 @@ test("the link to the current view is copied, or the failure reported", async ()
     .mockImplementation(async (text) => void copied.push(text));
   app.viewState.actions.setSpan(5);
   fireEvent.click(bar.getByRole("button", { name: "Copy link" }));
-  await eventually(() => expect(bar.getByText("Link copied")).toBeTruthy());
+  await waitFor(() => expect(bar.getByText("Link copied")).toBeTruthy());
   const [link = ""] = copied;
   expect(link).toMatch(/#\/\?.*span=5/);
   expect(link).toContain(`device=${encodeURIComponent(app.device.value?.key ?? "")}`);
   clipboard.mockRejectedValue(new Error("not allowed"));
   document.execCommand = () => false;
   press("c");
-  await eventually(() => expect(bar.getByText(/blocks copying/)).toBeTruthy());
+  await waitFor(() => expect(bar.getByText(/blocks copying/)).toBeTruthy());
 });

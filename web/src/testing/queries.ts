@@ -1,5 +1,6 @@
 /** For tests of pages: elements that must be there, what was asked, and a job as the server tells it. */
-import { waitFor } from "@testing-library/preact";
+import { fireEvent, screen, waitFor } from "@testing-library/preact";
+import { expect } from "vitest";
 import type { Job } from "../wire/types";
 import type { Asked } from "./recorded";
 
@@ -8,6 +9,13 @@ export function find(selector: string): HTMLElement {
   if (!(found instanceof HTMLElement)) throw new Error(`no ${selector}`);
   return found;
 }
+
+export const press = (key: string, more: KeyboardEventInit = {}): void =>
+  void fireEvent.keyDown(document.body, { key, ...more });
+
+export const dialogNamed = (name: RegExp): Promise<HTMLElement> => screen.findByRole("dialog", { name });
+
+export const noDialog = (): Promise<void> => waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
 
 export const until = (selector: string): Promise<HTMLElement> => waitFor(() => find(selector));
 

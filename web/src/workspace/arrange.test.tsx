@@ -5,8 +5,8 @@ import { expect, it } from "vitest";
 import { recorded } from "../testing/recorded";
 import { openPage } from "../testing/live-page";
 import { TEXT } from "../texts/workspace";
+import { press } from "../testing/queries";
 
-const press = (key: string, more: KeyboardEventInit = {}) => fireEvent.keyDown(document.body, { key, ...more });
 /** Those of the page without its extensions. */
 const panels = () =>
   [...document.querySelectorAll<HTMLElement>("[data-panel]")]

@@ -8,8 +8,8 @@ import { recorded } from "../../testing/recorded";
 import { openPage } from "../../testing/live-page";
 import { TEXT } from "../../texts/workspace";
 import { applyWorkspace, withoutMoment, workspaceOf } from "../../workspace/parts";
+import { press } from "../../testing/queries";
 
-const press = (key: string, more: KeyboardEventInit = {}) => fireEvent.keyDown(document.body, { key, ...more });
 const panels = () => [...document.querySelectorAll("[data-panel]")].map((one) => one.getAttribute("data-panel"));
 const DEFAULT = ["attitude", "plots", "values", "health", "alarms", "events"];
 

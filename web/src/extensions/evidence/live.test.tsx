@@ -5,8 +5,6 @@ import { expect, test } from "vitest";
 import { openPage } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
 
-const eventually = (check: () => void): Promise<void> => waitFor(check);
-
 test("evidence of Live is made of what is in memory, without position where that is left out", async () => {
   const saved = { id: "part", devices: ["1"], t0: 0, t1: 1, bytes: 1 };
   const job = { id: 1, recording: "part", title: "Evidence", file: "evidence-part.html", state: "done", progress: 1 };
@@ -16,7 +14,7 @@ test("evidence of Live is made of what is in memory, without position where that
       "POST /api/recordings/part/evidence": { ...job, size: 1000, message: "", hint: "" },
     },
   });
-  await eventually(() => expect(app.viewState.actions.plots().length).toBeGreaterThan(0));
+  await waitFor(() => expect(app.viewState.actions.plots().length).toBeGreaterThan(0));
   fireEvent.keyDown(document.body, { key: "e" });
   const form = await screen.findByRole("dialog", { name: /^Evidence of Live/ });
   fireEvent.click(within(form).getByLabelText(/^Leave out position/));

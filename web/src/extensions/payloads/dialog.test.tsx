@@ -4,23 +4,20 @@ import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { openPage } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
-
-const eventually = (check: () => void): Promise<void> => waitFor(check);
-const dialog = (name: RegExp): Promise<HTMLElement> => screen.findByRole("dialog", { name });
-const gone = (): Promise<void> => eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
+import { dialogNamed, noDialog } from "../../testing/queries";
 
 test("a vendor payload is defined; errors of the server are shown", async () => {
   const { store, asked } = await openPage(recorded("shared-link"));
-  await eventually(() => expect(store.unknownPayloads.value.length).toBeGreaterThan(0));
+  await waitFor(() => expect(store.unknownPayloads.value.length).toBeGreaterThan(0));
   const [payload] = store.unknownPayloads.value;
   fireEvent.click(screen.getByText("IDTP device 9", { selector: ".choose-device b" }));
   const panel = within(await screen.findByRole("region", { name: "Raw payloads" }));
-  await eventually(() => expect(document.querySelector(".payload-bytes")?.textContent).toMatch(/06 FF/)); // the high byte of −250
+  await waitFor(() => expect(document.querySelector(".payload-bytes")?.textContent).toMatch(/06 FF/)); // the high byte of −250
   fireEvent.click(panel.getByRole("button", { name: /^Define payload/ }));
-  const form = await dialog(/^Define payload/);
-  await eventually(() => expect(form.querySelector(".inside")?.contains(document.activeElement)).toBe(true)); // not ×
+  const form = await dialogNamed(/^Define payload/);
+  await waitFor(() => expect(form.querySelector(".inside")?.contains(document.activeElement)).toBe(true)); // not ×
   const text = within(form).getByLabelText<HTMLTextAreaElement>("Fields, in byte order");
-  await eventually(() => expect(text.value).toContain("count = 2"));
+  await waitFor(() => expect(text.value).toContain("count = 2"));
   const meant = text.value.replace('unit = ""', 'unit = "m/s"');
   fireEvent.input(text, { target: { value: meant } });
   fireEvent.click(within(form).getByRole("button", { name: "Use this definition" }));
@@ -32,5 +29,5 @@ test("a vendor payload is defined; errors of the server are shown", async () => 
   );
   expect(payload?.name).toContain("0x80");
   fireEvent.click(within(form).getByRole("button", { name: "Cancel" }));
-  await gone();
+  await noDialog();
 });

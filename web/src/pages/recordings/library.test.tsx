@@ -8,17 +8,16 @@ import { find } from "../../testing/queries";
 const TITLE = "Yard loop";
 
 const rows = (): readonly HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".recording-list tbody tr")];
-const eventually = (check: () => void): Promise<void> => waitFor(check);
 const search = (words: string): void =>
   void fireEvent.input(screen.getByRole("searchbox"), { target: { value: words } });
 
 /** The library with its only recording selected. */
 async function openLibrary(library = recorded("library")): Promise<Opened> {
   const page = await openPage(library, { place: "#/recordings" });
-  await eventually(() => expect(rows().length).toBe(1));
+  await waitFor(() => expect(rows().length).toBe(1));
   const [row] = rows();
   if (row) fireEvent.click(row);
-  await eventually(() => expect(find(".detail").textContent).toContain("Length"));
+  await waitFor(() => expect(find(".detail").textContent).toContain("Length"));
   return page;
 }
 
@@ -26,15 +25,15 @@ test("a recording is found by matching words only", async () => {
   const { asked } = await openLibrary();
   fireEvent.input(find(".words form input"), { target: { value: "mast" } });
   fireEvent.submit(find(".words form"));
-  await eventually(() => expect(find(".tag-cloud").textContent).toContain("mast"));
+  await waitFor(() => expect(find(".tag-cloud").textContent).toContain("mast"));
   expect(asked.find(({ method }) => method === "PATCH")?.body).toEqual({ tags: ["mast"] });
   search("mast yard");
-  await eventually(() => expect(rows().length).toBe(1));
+  await waitFor(() => expect(rows().length).toBe(1));
   expect(rows()[0]?.textContent).toContain(TITLE);
   search("nowhere");
-  await eventually(() => expect(find(".library-centre").textContent).toContain("No matches"));
+  await waitFor(() => expect(find(".library-centre").textContent).toContain("No matches"));
   search("");
-  await eventually(() => expect(rows().length).toBe(1));
+  await waitFor(() => expect(rows().length).toBe(1));
 });
 
 test("a tag that is added while another one is being stored does not undo it", async () => {
@@ -50,7 +49,7 @@ test("a tag that is added while another one is being stored does not undo it", a
     fireEvent.input(find(".words form input"), { target: { value: word } });
     fireEvent.submit(find(".words form"));
   }
-  await eventually(() => expect(find(".words .tags").textContent).toContain("hill"));
+  await waitFor(() => expect(find(".words .tags").textContent).toContain("hill"));
   expect(kept).toMatchObject({ tags: ["mast", "hill"] });
 });
 
@@ -69,16 +68,16 @@ test("a recording is opened by a double click on its row", async () => {
   await openLibrary();
   const [row] = rows();
   if (row) fireEvent.dblClick(row);
-  await eventually(() => expect(location.hash).toMatch(/^#\/recordings\/yard/));
+  await waitFor(() => expect(location.hash).toMatch(/^#\/recordings\/yard/));
 });
 
 test("a deleted recording leaves the list and is restored", async () => {
   const { asked } = await openLibrary();
   fireEvent.click(screen.getByRole("button", { name: "Delete" }));
-  await eventually(() => expect(find(".library-centre").textContent).toContain(`${TITLE} deleted`));
+  await waitFor(() => expect(find(".library-centre").textContent).toContain(`${TITLE} deleted`));
   expect(rows().length).toBe(0);
   fireEvent.click(screen.getByRole("button", { name: "Undo" }));
-  await eventually(() => expect(document.querySelector(".recording-list tbody tr b a")).not.toBeNull());
+  await waitFor(() => expect(document.querySelector(".recording-list tbody tr b a")).not.toBeNull());
   expect(asked.filter(({ path }) => path.endsWith("/yard")).map(({ method }) => method)).toEqual(["DELETE"]);
   expect(asked.filter(({ path }) => path.endsWith("/yard/undelete")).length).toBe(1);
 });

@@ -6,18 +6,15 @@ import type { ReplayController } from "../../recordings/replay-controller";
 import { type Opened, openPage } from "../../testing/live-page";
 import { type Answers, recorded } from "../../testing/recorded";
 import { detailOf, recordingAnswers, samplesOf } from "../../testing/recordings";
-import { find } from "../../testing/queries";
+import { find, press } from "../../testing/queries";
 
 Object.defineProperty(navigator, "webdriver", { value: true }); // the page then shows its controller to tests
 
-const eventually = (check: () => void): Promise<void> => waitFor(check);
 const YARD = detailOf("yard");
 const ACCELERATION = samplesOf("yard", "1", "Acceleration");
 const DURATION = YARD.t1 - YARD.t0;
 
 const text = (selector: string): string => find(selector).textContent ?? "";
-const press = (key: string, more: KeyboardEventInit = {}): void =>
-  void fireEvent.keyDown(document.body, { key, ...more });
 const windows = ({ asked }: Opened): readonly URLSearchParams[] =>
   asked.filter(({ path }) => path.includes("/window?")).map(({ path }) => new URLSearchParams(path.split("?")[1]));
 
@@ -52,8 +49,8 @@ async function open(query = "", answers: Answers = {}): Promise<OpenedReplay> {
     { ...recorded("recordings"), answers: recordingAnswers() },
     { place: `#/recordings/yard${query}`, answers },
   );
-  await eventually(() => expect(document.querySelector(".replay")).not.toBeNull());
-  await eventually(() => expect(text(".plot .legend .series-value")).toMatch(/\d/));
+  await waitFor(() => expect(document.querySelector(".replay")).not.toBeNull());
+  await waitFor(() => expect(text(".plot .legend .series-value")).toMatch(/\d/));
   const replay = window.imuscopeReplay;
   if (replay === undefined) throw new Error("no recording is open");
   return { ...page, replay };
@@ -66,8 +63,8 @@ test("a recording opens in full, with the playhead at its start", async () => {
   expect(Number(first?.get("t0"))).toBeLessThanOrEqual(YARD.t0);
   expect(Number(first?.get("t1"))).toBeGreaterThanOrEqual(YARD.t1);
   expect(page.replay.viewState.view.value).toMatchObject({ device: "1", live: false, end: YARD.t1 });
-  await eventually(() => expect(read()).toBeCloseTo(sent(YARD.t0), 2));
-  await eventually(() => expect(text(".transport .now")).toMatch(/^00:00\.000 \/ 00:0[56]/));
+  await waitFor(() => expect(read()).toBeCloseTo(sent(YARD.t0), 2));
+  await waitFor(() => expect(text(".transport .now")).toMatch(/^00:00\.000 \/ 00:0[56]/));
   expect([...document.querySelectorAll(".rail .categories button")].length).toBe(YARD.devices.length);
   expect(page.app.viewState.isLive.value).toBe(true); // Live is unchanged
 });
@@ -77,7 +74,7 @@ test("before the first frame the panels are as high as they will be: nothing bel
   vi.stubGlobal("requestAnimationFrame", (draw: FrameRequestCallback) => frames.push(draw));
   const known = { ...recorded("recordings"), answers: recordingAnswers() };
   await openPage(known, { place: "#/recordings/yard" });
-  await eventually(() => find(".lower-panels [data-panel=health]"));
+  await waitFor(() => find(".lower-panels [data-panel=health]"));
   const row = (name: string): HTMLElement | null | undefined => screen.getByText(name).closest("div");
   expect(row("Last sample")?.hidden).toBe(true); // left out over a recording
   expect(text("[data-panel=health] .verdict")).not.toBe("");
@@ -90,21 +87,21 @@ test("keys move the playhead, and the values follow", async () => {
   const { replay } = await open();
   press("End");
   expect(replay.head).toBe(YARD.t1);
-  await eventually(() => expect(read()).toBeCloseTo(sent(YARD.t1), 2));
+  await waitFor(() => expect(read()).toBeCloseTo(sent(YARD.t1), 2));
   press("Home");
   expect(replay.head).toBe(YARD.t0);
   replay.seek(YARD.t0 + 2);
-  await eventually(() => expect(read()).toBeCloseTo(sent(YARD.t0 + 2), 2));
-  await eventually(() => canStep(replay));
+  await waitFor(() => expect(read()).toBeCloseTo(sent(YARD.t0 + 2), 2));
+  await waitFor(() => canStep(replay));
   const before = replay.head;
   press(".");
-  await eventually(() => expect(replay.head).toBeGreaterThan(before));
+  await waitFor(() => expect(replay.head).toBeGreaterThan(before));
   expect(replay.head - before).toBeLessThan(0.02);
-  await eventually(() => expect(read()).toBeCloseTo(sent(replay.head), 2));
+  await waitFor(() => expect(read()).toBeCloseTo(sent(replay.head), 2));
   const stepped = replay.head;
-  await eventually(() => canStep(replay));
+  await waitFor(() => canStep(replay));
   press(",");
-  await eventually(() => expect(replay.head).toBeLessThan(stepped));
+  await waitFor(() => expect(replay.head).toBeLessThan(stepped));
 });
 
 test("a press on the overview moves the playhead, and with Shift sets the loop", async () => {
@@ -122,7 +119,7 @@ test("a press on the overview moves the playhead, and with Shift sets the loop",
   expect(b - a).toBeGreaterThan(0.1 * DURATION);
   expect(a).toBeLessThan(replay.head);
   expect(replay.looping.value).toBe(true);
-  await eventually(() => expect(screen.getByRole("button", { name: /^Loop/ }).textContent).toMatch(/00:0/));
+  await waitFor(() => expect(screen.getByRole("button", { name: /^Loop/ }).textContent).toMatch(/00:0/));
 });
 
 test("a range selected on the plots is shown, and the whole again", async () => {
@@ -135,9 +132,9 @@ test("a range selected on the plots is shown, and the whole again", async () => 
   expect(view.value.span).toBeLessThan(0.2 * DURATION);
   expect(view.value.end).toBeLessThan(YARD.t1);
   expect(replay.head).toBe(YARD.t0); // only the window moved
-  await eventually(() => expect(replay.isShown).toBe(true));
+  await waitFor(() => expect(replay.isShown).toBe(true));
   const link = (): URLSearchParams => new URLSearchParams(location.hash.split("?")[1]);
-  await eventually(() => expect(Number(link().get("t1"))).toBeCloseTo(view.value.end, 3));
+  await waitFor(() => expect(Number(link().get("t1"))).toBeCloseTo(view.value.end, 3));
   press("f");
   expect(view.value.span).toBeGreaterThanOrEqual(DURATION);
 });
@@ -147,14 +144,14 @@ test("it plays by a key, at the chosen speed, and loops the visible range", asyn
   fireEvent.change(screen.getByRole("combobox", { name: "Speed" }), { target: { value: "10" } });
   press(" ", { code: "Space" });
   expect(replay.playing.value).toBe(true);
-  await eventually(() => expect(replay.head).toBe(YARD.t1)); // its end
-  await eventually(() => expect(replay.playing.value).toBe(false));
+  await waitFor(() => expect(replay.head).toBe(YARD.t1)); // its end
+  await waitFor(() => expect(replay.playing.value).toBe(false));
   replay.viewState.actions.select(YARD.t0 + 1, YARD.t0 + 2);
   press("l");
   expect(replay.loop.value?.map((t) => t - YARD.t0)).toEqual([expect.closeTo(1, 3), expect.closeTo(2, 3)]);
   replay.seek(YARD.t0 + 1.9);
   press(" ", { code: "Space" });
-  await eventually(() => expect(replay.head).toBeLessThan(YARD.t0 + 1.9)); // it restarted
+  await waitFor(() => expect(replay.head).toBeLessThan(YARD.t0 + 1.9)); // it restarted
   expect(replay.head).toBeGreaterThanOrEqual(YARD.t0 + 1);
   press(" ", { code: "Space" });
   expect(replay.playing.value).toBe(false);
@@ -172,7 +169,7 @@ test("a marker is set at the playhead, and a press moves to it", async () => {
   expect(document.activeElement).toBe(field);
   fireEvent.input(field, { target: { value: "second look" } });
   fireEvent.submit(field.form as HTMLFormElement);
-  await eventually(() => expect(list.getAllByRole("listitem").length).toBe(2));
+  await waitFor(() => expect(list.getAllByRole("listitem").length).toBe(2));
   expect(asked.find(({ method }) => method === "POST")).toMatchObject({
     path: "/api/recordings/yard/markers",
     body: { text: "second look", kind: "marker", time: replay.head },
@@ -189,10 +186,10 @@ test("another device is shown at the same moment", async () => {
   const [, second] = document.querySelectorAll(".rail .categories button");
   if (second === undefined) throw new Error("no second device");
   fireEvent.click(second);
-  await eventually(() => expect(second.getAttribute("aria-pressed")).toBe("true"));
+  await waitFor(() => expect(second.getAttribute("aria-pressed")).toBe("true"));
   expect(replay.head).toBe(YARD.t0 + 2);
   const other = samplesOf("yard", "2", "DID_IMU.I.acc");
-  await eventually(() => expect(read()).toBeCloseTo(sent(replay.head, other), 2));
+  await waitFor(() => expect(read()).toBeCloseTo(sent(replay.head, other), 2));
 });
 
 test("a link with a position opens that position", async () => {
@@ -214,7 +211,7 @@ test("a closed recording makes no requests and handles no keys", async () => {
   const { replay, asked } = page;
   location.hash = "#/recordings";
   dispatchEvent(new HashChangeEvent("hashchange"));
-  await eventually(() => expect(document.querySelectorAll(".recording-list tbody tr").length).toBe(2));
+  await waitFor(() => expect(document.querySelectorAll(".recording-list tbody tr").length).toBe(2));
   expect(document.querySelector(".replay")).toBeNull();
   expect(window.imuscopeReplay).toBeUndefined();
   const samples = asked.filter(({ path }) => /\/(window|health)\?/.test(path));
@@ -225,7 +222,7 @@ test("a closed recording makes no requests and handles no keys", async () => {
   expect(replay.playing.value).toBe(false);
   replay.viewState.actions.select(YARD.t0 + 1, YARD.t0 + 1.1);
   fireEvent.click(screen.getByText("Harbour"));
-  await eventually(() => expect(text(".detail")).toContain("Length"));
+  await waitFor(() => expect(text(".detail")).toContain("Length"));
   expect(windows(page).length).toBe(windowsBefore);
   expect(asked.some(({ method }) => method === "POST")).toBe(false);
 });
@@ -240,7 +237,7 @@ test("while it is decoded its progress is shown, then the recording", async () =
     },
   };
   const opening = open("", answers);
-  await eventually(() => expect(screen.getByRole("progressbar").getAttribute("aria-label")).toContain("25"));
+  await waitFor(() => expect(screen.getByRole("progressbar").getAttribute("aria-label")).toContain("25"));
   expect(text(".opening")).toContain("Decoding the recording for the first time.");
   await opening;
   expect(document.querySelector(".opening")).toBeNull();
@@ -260,10 +257,10 @@ test("decoded data are shown at once, and the rest is added without moving the v
   fireEvent.click(screen.getByRole("button", { name: "As recorded" }));
   await screen.findByRole("dialog");
   isDecoded = true;
-  await eventually(() => expect(replay().bounds.last).toBe(t1));
+  await waitFor(() => expect(replay().bounds.last).toBe(t1));
   expect(replay().head).toBe(t0 + 1.5);
   expect(replay().viewState.view.value).toMatchObject({ end: expect.closeTo(t0 + 2, 6), span: expect.closeTo(1, 6) });
-  await eventually(() => expect(screen.queryByRole("progressbar", { name: /decod/i })).toBeNull());
+  await waitFor(() => expect(screen.queryByRole("progressbar", { name: /decod/i })).toBeNull());
   await screen.findByRole("dialog"); // it has stayed open
   expect(text(".markers")).toContain("kerb");
 });
@@ -278,28 +275,28 @@ test("the export covers the loop, the window or everything", async () => {
   const dialog = within(await screen.findByRole("dialog"));
   const words = (): string => text("dialog p");
   fireEvent.click(dialog.getByRole("button", { name: "Loop range" }));
-  await eventually(() => expect(words()).toMatch(/00:01.* to 00:03/));
+  await waitFor(() => expect(words()).toMatch(/00:01.* to 00:03/));
   fireEvent.click(dialog.getByRole("button", { name: "In view" }));
-  await eventually(() => expect(words()).toMatch(/00:02.* to 00:04/));
+  await waitFor(() => expect(words()).toMatch(/00:02.* to 00:04/));
   press(" ", { code: "Space" });
   expect(replay.playing.value).toBe(false); // its keys are inactive under the dialog
   fireEvent.click(dialog.getByRole("button", { name: "Close" }));
-  await eventually(() => expect(screen.queryByRole("dialog")).toBeNull());
+  await waitFor(() => expect(screen.queryByRole("dialog")).toBeNull());
 });
 
 test("the health figures are those of the playhead", async () => {
   const { replay } = await open();
   replay.seek(YARD.t0 + 4);
   const health = () => replay.near.health.value.get("1");
-  await eventually(() => expect(health()?.bytes_per_s).toBeGreaterThan(0));
+  await waitFor(() => expect(health()?.bytes_per_s).toBeGreaterThan(0));
   expect(health()?.time).toBeCloseTo(YARD.t0 + 4, 0);
   expect(health()?.rate).toBeGreaterThan(90);
-  await eventually(() => expect(text(".side")).toMatch(/[1-9][0-9.]*\s*kB/));
+  await waitFor(() => expect(text(".side")).toMatch(/[1-9][0-9.]*\s*kB/));
 });
 
 test("a recording that cannot be opened shows the reason and a link back", async () => {
   const known = recorded("recordings");
   await openPage(known, { place: "#/recordings/nowhere" });
-  await eventually(() => expect(text("main")).toContain("Nothing was recorded of /api/recordings/nowhere"));
+  await waitFor(() => expect(text("main")).toContain("Nothing was recorded of /api/recordings/nowhere"));
   expect(screen.getByRole("link", { name: /library/i }).getAttribute("href")).toBe("#/recordings");
 });

@@ -12,8 +12,6 @@ import type { App } from "../app-state";
 import { openRecording } from "./open-recording";
 import { ReplayPage } from "./replay-page";
 
-const eventually = (check: () => void): Promise<void> => waitFor(check);
-
 interface Side {
   readonly app: App;
   readonly replay: ReplayController;
@@ -42,7 +40,7 @@ beforeEach(() => {
 async function both(): Promise<readonly [Side, Side]> {
   const store = new Store();
   const sides = [open("yard", store), open("harbour", store)] as const;
-  for (const side of sides) await eventually(() => expect(value(side)).toMatch(/\d/));
+  for (const side of sides) await waitFor(() => expect(value(side)).toMatch(/\d/));
   return sides;
 }
 
@@ -71,7 +69,7 @@ const stateOf = (side: Side): unknown => ({
 
 test("moving, cutting and reading one does not affect the other", async () => {
   const [left, right] = await both();
-  await eventually(() => expect(clock(right)).toMatch(/^00:00/));
+  await waitFor(() => expect(clock(right)).toMatch(/^00:00/));
   const before = stateOf(right);
   const shown = value(left);
   left.replay.seek(left.replay.bounds.first + 2);
@@ -80,9 +78,9 @@ test("moving, cutting and reading one does not affect the other", async () => {
   fireEvent.click(left.in.getByRole("button", { name: /^Loop/ }));
   const [series] = left.element.querySelectorAll(".legend button");
   if (series) fireEvent.click(series);
-  await eventually(() => expect(clock(left)).toMatch(/^00:02\.000/));
-  await eventually(() => expect(value(left)).not.toBe(shown));
-  await eventually(() => expect(text(left, ".transport .loop")).toMatch(/00:01.*00:03/));
+  await waitFor(() => expect(clock(left)).toMatch(/^00:02\.000/));
+  await waitFor(() => expect(value(left)).not.toBe(shown));
+  await waitFor(() => expect(text(left, ".transport .loop")).toMatch(/00:01.*00:03/));
   expect(pressed(left)[0]).toBe("false");
   expect(left.replay.place()).toMatchObject({ cursor: left.replay.bounds.first + 2, hide: [expect.any(String)] });
   expect(stateOf(right)).toEqual(before);
@@ -93,11 +91,11 @@ test("each plays independently, at its own speed", async () => {
   const start = right.replay.head;
   fireEvent.change(left.in.getByRole("combobox", { name: "Speed" }), { target: { value: "5" } });
   fireEvent.click(left.in.getByRole("button", { name: "Play" }));
-  await eventually(() => expect(left.replay.head).toBeGreaterThan(left.replay.bounds.first + 0.5));
+  await waitFor(() => expect(left.replay.head).toBeGreaterThan(left.replay.bounds.first + 0.5));
   expect(right.replay.head).toBe(start);
   expect(right.in.getByRole("button", { name: "Play" })).toBeTruthy();
   fireEvent.click(right.in.getByRole("button", { name: "Play" }));
-  await eventually(() => expect(right.replay.head).toBeGreaterThan(start + 0.2));
+  await waitFor(() => expect(right.replay.head).toBeGreaterThan(start + 0.2));
   expect(left.replay.head).toBeLessThan(start); // an hour before
   fireEvent.click(left.in.getByRole("button", { name: "Pause" }));
   expect([left.replay.playing.value, right.replay.playing.value]).toEqual([false, true]);
@@ -112,7 +110,7 @@ test("a marker is set in one of them", async () => {
   expect(left.in.queryByPlaceholderText(/^Marker at/)).toBeNull();
   fireEvent.input(field, { target: { value: "second look" } });
   fireEvent.submit(field.closest("form") as HTMLFormElement);
-  await eventually(() => expect(markers(right).length).toBe(2));
+  await waitFor(() => expect(markers(right).length).toBe(2));
   expect(asked.filter(({ method }) => method === "POST").map(({ path }) => path)).toEqual([
     "/api/recordings/harbour/markers",
   ]);

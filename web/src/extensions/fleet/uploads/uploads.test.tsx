@@ -8,24 +8,23 @@ import { answering, recorded } from "../../../testing/recorded";
 import { uploadsOf } from "./state";
 
 const rows = (): readonly HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".recording-list tbody tr")];
-const eventually = (check: () => void): Promise<void> => waitFor(check);
 
 test("a recording tells the state of its upload and why it is refused", async () => {
   const upload = { id: "yard", state: "refused", reason: "It has the tag private.", progress: 0, stored_at: null };
   const uploads = { enabled: true, store: "/srv", robot: "otter", problem: "", recordings: [upload] };
   await openPage(recorded("library"), { place: "#/recordings", answers: { "GET /api/uploads": uploads } });
-  await eventually(() => expect(rows()[0]?.textContent).toContain("Not uploaded · "));
+  await waitFor(() => expect(rows()[0]?.textContent).toContain("Not uploaded · "));
   const [row] = rows();
   if (row) fireEvent.click(row);
-  await eventually(() => expect(find(".upload-facts").textContent).toContain("It has the tag private."));
+  await waitFor(() => expect(find(".upload-facts").textContent).toContain("It has the tag private."));
 });
 
 test("without a store nothing is said of uploads", async () => {
   const uploads = { enabled: false, store: "", robot: "", problem: "", recordings: [] };
   const answers = { "GET /api/uploads": uploads };
   const { asked } = await openPage(recorded("library"), { place: "#/recordings", answers });
-  await eventually(() => expect(asked.some(({ path }) => path === "/api/uploads")).toBe(true));
-  await eventually(() => expect(rows().length).toBe(1));
+  await waitFor(() => expect(asked.some(({ path }) => path === "/api/uploads")).toBe(true));
+  await waitFor(() => expect(rows().length).toBe(1));
   expect(document.querySelector(".upload-mark")).toBeNull();
 });
 
