@@ -1,4 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { channelInfo, columnInfo } from "../testing/fixtures";
 import { Prefetch } from "./prefetch";
 import type { RecordingInfo } from "./types";
 
@@ -14,18 +15,8 @@ const info = (part: Partial<RecordingInfo> = {}): RecordingInfo =>
     ...part,
   }) as RecordingInfo;
 
-const column = { name: "x", dtype: "f4", unit: "m/s²", label: "x", axis: "x", decimals: 3, bits: [] };
-const channel = {
-  id: 1,
-  device: "1",
-  message: "m",
-  name: "Acceleration",
-  title: "Acceleration",
-  kind: "vector",
-  unit: "m/s²",
-  frame: "",
-  columns: [column],
-};
+const columns = [columnInfo({ name: "x", axis: "x" })];
+const channel = channelInfo({ name: "Acceleration", kind: "vector", unit: "m/s²", columns });
 const detail = {
   info: info(),
   t0: 1000,
