@@ -16,18 +16,19 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 import imuscope
+from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, export
+from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.topics import stamps
 from imuscope.server.config import Config
 from imuscope.server.extensions.ros2.axes import FLIP
 from imuscope.server.library.zip_download import one_file
 from tests.each_row import each_row
-from tests.recordings.recorded_drive import drive
+from tests.recordings.recorded_drive import START, drive
 from tests.recordings.store_fixtures import store
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
-from tests.server_process import imuscope as run_command
 from tests.waiting import block_until
 
 BAGS = [name for name in FORMATS if name.startswith("rosbag2-")]
@@ -45,8 +46,11 @@ def mti(tmp_path_factory: pytest.TempPathFactory) -> imuscope.Recording:
 def imx(tmp_path_factory: pytest.TempPathFactory) -> imuscope.Recording:
     """A recording of an IMX-5, whose body has y right and z down, and which sends its own clock."""
     path = tmp_path_factory.mktemp("imx") / "drive.mcap"
-    done = run_command("record", "sim:isb", "--duration", "2", "-o", str(path), "--data", str(path.parent / "data"))
-    assert done.returncode == 0, done.stderr
+    writer, device = McapWriter(path, {"title": "A drive"}), IsbSimulator()
+    writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": "isb"})
+    for time_ns in range(10_000_000, 2_000_000_000, 10_000_000):
+        writer.chunk("1", "rx", device.advance(time_ns), START + time_ns)
+    writer.close()
     return imuscope.open(path)
 
 
