@@ -300,6 +300,7 @@ function ask(
     for (const { device, named, check } of found) {
       const { changes, product, base } = check;
       const own = Object.entries(base).filter(([name]) => name in changes);
+      model.page.wrote(device.id);
       void configureApi
         .apply(named, {
           changes,

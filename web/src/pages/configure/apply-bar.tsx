@@ -108,6 +108,7 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
     base: model.basesOf(names),
     confirm_s: null,
   };
+  model.page.wrote(model.id);
   const outcome = await configureApi.apply(model.writeName, body);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
     await model.asking.now(names); // who is quick applies before the preview has said that the change is temporary

@@ -97,6 +97,7 @@ async function send(model: Model, form: CommandForm, confirmed = false): Promise
   const harms =
     form.caution !== "" && !Object.entries(form.harmless).some(([name, those]) => those.includes(Number(values[name])));
   if (!confirmed && harms && unfinishedOf(model).length === 0) return ask(form.consequence || TEXT.cannotBeUndone);
+  model.page.wrote(model.id);
   const outcome = await configureApi.run(model.writeName, form.name, values, confirmed);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") return ask(outcome.problem.message);
   const job = await model.run(Promise.resolve(outcome));

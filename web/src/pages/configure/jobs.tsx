@@ -51,6 +51,7 @@ export function stateWords(job: Job): string {
 }
 
 export function StopJob({ model, job }: { readonly model: Model; readonly job: Job }) {
+  if (job.state === "running" && model.jobs.value?.pending_rollback?.state === "pending") return null; // the banner asks
   return (
     <Button
       look="small edge"

@@ -181,10 +181,9 @@ test("temporary settings report a disconnected server and disable their buttons"
   const words = "The device answers at 921 600 Bd.";
   const deadline = Date.now() / 1000 + 20;
   page.tell({ pending_rollback: { device: "1", state: "pending", changes: [], words, deadline, seconds: 20 } });
-  await until(".pending-rollback[role=alertdialog]");
+  await until(".pending-rollback");
   const both = (): boolean[] => ["Confirm", "Roll back now"].map((name) => button(name).disabled);
   await waitFor(() => expect(both()).toEqual([false, false]));
-  await waitFor(() => expect(document.activeElement?.textContent).toContain("Roll back now"));
   page.store.receive({ kind: "connection", state: "closed", nextTry: undefined });
   await waitFor(() => expect(find(".pending-rollback .ring b").textContent).toBe("—"));
   expect(find("#deck-words").textContent).toContain("The server is unreachable");

@@ -1,6 +1,7 @@
 /**
  * Temporary settings: the device answers, and is rolled back unless the change is confirmed. Shown on top of every page.
- * Focus is on "Roll back now"; without an answer it rolls back, even if this page is gone: the server counts.
+ * Without an answer it rolls back, even if this page is gone: the server counts. Only the page that wrote moves its focus here, to the
+ * banner itself: a key that was meant for something else must not answer for the person who wrote.
  */
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
@@ -9,10 +10,12 @@ import { fullName } from "../../wire/device-name";
 import type { PendingRollback } from "../../wire/types";
 import type { App } from "../app-state";
 import { type Model, modelOf } from "./model";
+import { configureOf } from "./view-state";
 import { Restore } from "./restore";
 import { configureApi } from "./api";
 import "./styles";
 import { Button } from "../../ui/button";
+import type { Outcome } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { ProblemNote } from "../../ui/problem-note";
 import { TEXT } from "../../texts/configure";
@@ -32,13 +35,9 @@ export function Decks({ app }: { readonly app: App }) {
   useEffect(() => {
     dismissed.value = new Set([...dismissed.peek()].filter((device) => !underWay.split(",").includes(device)));
   }, [underWay]);
-  /** Seen under way by this page: only these are told when they are over; others are in the list of jobs. */
-  const seen = useSignal<ReadonlySet<string>>(new Set());
-  useEffect(() => {
-    if (underWay !== "") seen.value = new Set([...seen.peek(), ...underWay.split(",")]);
-  }, [underWay]);
+  const { written } = configureOf(app);
   const isNews = ({ device, state }: PendingRollback): boolean =>
-    UNDER_WAY.has(state) || ((state === "unreachable" || seen.value.has(device)) && !dismissed.value.has(device));
+    UNDER_WAY.has(state) || ((state === "unreachable" || written.value.has(device)) && !dismissed.value.has(device));
   const rollbacks = all.filter(isNews);
   const dismiss = (rollback: PendingRollback): void => {
     dismissed.value = new Set([...dismissed.value, rollback.device]);
@@ -105,15 +104,20 @@ function Deck({ rollback, model, store, dismiss }: Props) {
   );
 }
 
+/** A press that soon was begun before the banner stood under it. */
+const SETTLE_MS = 600;
+
 function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
   const offline = store.connection.value !== "open";
-  const back = useRef<HTMLButtonElement>(null);
+  const isOwn = model.page.written.value.has(rollback.device);
+  const banner = useRef<HTMLElement>(null);
+  const shown = useRef(performance.now());
   const seconds = useRef<HTMLElement>(null);
   const words = useRef<HTMLElement>(null);
   const ring = useRef<SVGCircleElement>(null);
   // biome-ignore lint/correctness/useExhaustiveDependencies: one countdown for each trial that is listed
   useEffect(() => {
-    back.current?.focus();
+    if (isOwn && !isInUse(document.activeElement)) banner.current?.focus();
     const show = (): void => {
       const left = Math.max(0, (rollback.deadline ?? 0) - store.serverNow());
       const text = store.connection.peek() === "open" ? String(Math.ceil(left)) : "—";
@@ -128,8 +132,20 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
     const timer = setInterval(show, 100);
     return () => clearInterval(timer);
   }, [rollback.deadline]);
+  const answer = (send: (device: string) => Promise<Outcome<unknown>>): void => {
+    if (performance.now() - shown.current < SETTLE_MS) return;
+    model.page.wrote(rollback.device);
+    void model.run(send(rollback.device));
+  };
   return (
-    <section class="pending-rollback" role="alertdialog" aria-labelledby="deck-title" aria-describedby="deck-words">
+    <section
+      class="pending-rollback"
+      role={isOwn ? "alertdialog" : "region"}
+      aria-labelledby="deck-title"
+      aria-describedby="deck-words"
+      tabIndex={-1}
+      ref={banner}
+    >
       <div class="ring" aria-hidden="true">
         <svg viewBox="0 0 46 46" width="46" height="46">
           <circle cx="23" cy="23" r={RADIUS} fill="none" stroke="var(--bg-active)" stroke-width="3" />
@@ -161,19 +177,22 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
       <Button
         look="edge"
         words={TEXT.rollBackNow}
-        ref={back}
         disabled={model.page.viewOnly.value || offline}
-        onClick={() => void model.run(configureApi.rollBack(rollback.device))}
+        onClick={() => answer(configureApi.rollBack)}
       />
       <Button
         look="main"
         words={TEXT.confirm}
         disabled={model.page.viewOnly.value || offline}
-        onClick={() => void model.run(configureApi.confirm(rollback.device))}
+        onClick={() => answer(configureApi.confirm)}
       />
     </section>
   );
 }
+
+/** Whether someone works with the focused element: it is not the bar or the question that the change was written with. */
+const isInUse = (focused: Element | null): boolean =>
+  focused !== null && focused !== document.body && focused.closest(".apply-bar, dialog") === null;
 
 function Unreachable({ rollback, model, dismiss }: Omit<Props, "store">) {
   return (

@@ -29,10 +29,16 @@ export class ConfigureState {
   readonly question = signal<Question | undefined>(undefined);
   /** This token is view-only: reported by the server, or by a refused request. */
   readonly viewOnly = signal(false);
+  /** Devices that this page has written to, or answered for: what becomes of it is told here. */
+  readonly written = signal<ReadonlySet<string>>(new Set());
   /** By device. */
   readonly models = new Map<string, Model>();
   /** Edits for sensors that are not there now, by their key. */
   readonly aside = new Map<string, Edits>();
+
+  wrote(device: string): void {
+    if (!this.written.peek().has(device)) this.written.value = new Set([...this.written.peek(), device]);
+  }
 }
 
 export const configureOf = perApp(() => new ConfigureState());
