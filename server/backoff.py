@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+LOCAL_S = 0.2, 2.0
+"""First and longest pause before a local port is opened again that is there, and in use or not permitted. One that is
+not there is opened as soon as it is (`terminals.standing_at`); pauses that grow are for others' networks."""
+
 
 class Backoff:
     """The pauses between attempts of one operation, s."""

@@ -1,4 +1,4 @@
-"""Paths of terminals: which may be serial ports, and which lead to the same one again."""
+"""Paths of terminals: which may be serial ports, which lead to the same one again, and what stands there now."""
 
 from __future__ import annotations
 
@@ -32,6 +32,19 @@ def is_another(place: str, before: tuple[object, int] | None) -> bool:
     """
     now = pseudo_terminal(place)
     return before is not None and now is not None and now[0] == before[0] and now[1] not in (0, before[1])
+
+
+def standing_at(place: str) -> tuple[int, ...] | None:
+    """What a path leads to now, which changes when a port is plugged in or its permissions are set; None: nothing.
+
+    Asked for every 0.1 s or more often while a port is gone: that costs a few µs, and also sees what a watch of a
+    folder (inotify) does not: links of udev, folders that are not there yet, and permissions that come after the port.
+    """
+    try:
+        about = os.stat(place)
+    except (OSError, ValueError):
+        return None
+    return about.st_dev, about.st_ino, about.st_rdev, about.st_mode, about.st_uid, about.st_gid
 
 
 def may_be_terminal(place: str, root: Path = Path("/")) -> bool:

@@ -1,10 +1,11 @@
 """Session of one link and its decoder: a device, from its first connection to its last.
 
 The states and transitions of the link are in server/devices/connection_state.py; the actions on each transition are
-here. Retries wait 0.5 s, then twice as long each time up to 10 s, and publish the time of the next one; the user can
-request one at once. Changes of the link are published within a second: a link that fails reports an error, a link that
-is open but silent counts as lost after a second without bytes (or three usual intervals of a slow device). Nothing else
-in the server waits for a session.
+here. Retries over a network wait 0.5 s, then twice as long each time up to 10 s, and publish the time of the next one;
+the user can request one at once. A local port is looked for at each tick, and opened as soon as it is back. Changes of
+the link are published within a second: a link that fails reports an error, a link that is open but silent counts as
+lost after a second without bytes (or three usual intervals of a slow device). Nothing else in the server waits for a
+session.
 
 The protocol is named by the user or detected from the first bytes (server/devices/decode_pipeline.py). Bytes are
 decoded in turns with other sessions (server/devices/decode_scheduler.py); while the device is being configured, at
@@ -21,8 +22,8 @@ from dataclasses import replace
 
 from imuscope.protocols.events import Doubt, Event
 from imuscope.server import wire
-from imuscope.server.backoff import Backoff
-from imuscope.server.devices.connection_state import Connection, ConnectionEvent
+from imuscope.server.backoff import LOCAL_S, Backoff
+from imuscope.server.devices.connection_state import Connection, ConnectionEvent, ConnectionState
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.decode_pipeline import DecodePipeline
 from imuscope.server.devices.decode_scheduler import DecodeScheduler
@@ -44,6 +45,7 @@ from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
 from imuscope.server.links.base import SESSION, Chunk, Link, LinkError
 from imuscope.server.streaming.sink import TelemetrySink
 from imuscope.server.tasks import end_tasks
+from imuscope.server.terminals import standing_at
 
 log = logging.getLogger("imuscope.session")
 
@@ -125,7 +127,8 @@ class Session:
         self._stalled = False
         self._ticks_since_bytes = 0  # since bytes came last
         self._judged_rejects, self._judge_due = 0, 0.0  # of the last update of the diagnostics, and of the next
-        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S)
+        self._backoff = Backoff(*(LOCAL_S if link.local_path else (FIRST_RETRY_S, LAST_RETRY_S)))
+        self._found: tuple[int, ...] | None = None  # at the path of a local port, when it failed
         self._retry_now = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self.is_closed = False
@@ -273,6 +276,7 @@ class Session:
             self._reporter.report("link", "info", error.message, data={"kind": error.kind})
             return None
         self._connection.apply(ConnectionEvent.FAILED)
+        self._found = standing_at(self._link.local_path)
         wait = self._backoff.next()
         status = "denied" if error.kind == "denied" else "lost"
         if self.info.status == "connecting" and status == "lost" and self._stats.last_arrival is None:
@@ -417,6 +421,10 @@ class Session:
         self._left_out.tick(now)
         if self._connection.is_open:
             self._watch(now)
+        elif self._connection.state is ConnectionState.RETRYING and (path := self._link.local_path):
+            found, self._found = self._found, standing_at(path)
+            if self._found not in (None, found):
+                self.retry()
         silence = self.devices.tick(now, None if self._connection.is_open else self.info)
         if silence is not None:
             self._fell_silent(*silence)

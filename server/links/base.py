@@ -205,6 +205,11 @@ class Link(ABC):
         return False
 
     @property
+    def local_path(self) -> str:
+        """Path at which it is opened when it is there; "" for a network, where only an attempt shows that."""
+        return ""
+
+    @property
     def other_users(self) -> str:
         """Names of the programs that use the device beside this server; "" for none.
 

@@ -45,7 +45,7 @@ from imuscope.server.links.reader_thread import (
     write_all,
 )
 from imuscope.server.links.registry import LinkDefinition, register_link
-from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.links.source_url import LINE_OPTIONS, SourceUrl
 from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
 from imuscope.server.processes import OWN, Program, programs_with, readers_of, session_on, unblock_steps
 from imuscope.server.terminals import PTS, is_another, may_be_terminal, pseudo_terminal
@@ -73,7 +73,7 @@ class SerialSettings:
         Raises:
             LinkError: kind "bad-source".
         """
-        source.allow(("baud", "bits", "parity", "stop", "flow"))
+        source.allow(LINE_OPTIONS)
         return cls(
             baud=source.whole("baud", 0, 50, MAX_BAUD, "Bd") or None,
             bits=source.whole("bits", 8, 5, 8),
@@ -134,6 +134,13 @@ class SerialLink(ThreadedLink):
     @property
     def detects_baud(self) -> bool:
         return self.line.baud is None
+
+    @property
+    def local_path(self) -> str:
+        try:
+            return port_now(self.place, self._adapter, self.settings.by_id)
+        except LinkError:  # another adapter has its name
+            return self._adapter
 
     async def reopen(self, baud: int | None = None) -> None:
         before = self.line

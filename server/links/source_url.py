@@ -33,6 +33,8 @@ from imuscope.server.links.registry import link_schemes, source_forms
 from imuscope.server.links.text import grouped
 
 _SCHEME = re.compile(r"^([a-zA-Z][a-zA-Z0-9+.-]+):(?://)?(.*)$", re.DOTALL)
+LINE_OPTIONS = ("baud", "bits", "parity", "stop", "flow")
+"""Options of a serial port: with one of them, a path where nothing is yet is that of a port."""
 _WINDOWS_PORT = re.compile(r"^COM\d+$")
 
 
@@ -88,7 +90,8 @@ class SourceUrl:
         scheme = _SCHEME.match(text)
         if scheme is None or _WINDOWS_PORT.match(text):
             place, options = _split_options(text, text)
-            return cls(text, "serial" if _is_port(place) else "file", place, options)
+            is_port = _is_port(place) or (not os.path.exists(place) and not options.keys().isdisjoint(LINE_OPTIONS))
+            return cls(text, "serial" if is_port else "file", place, options)
         name = scheme[1].lower()
         if name in previous_names.SCHEMES:
             text = f"{previous_names.SCHEMES[name]}:{scheme[2]}"

@@ -29,6 +29,7 @@ from tests.each_row import each_row
         ("UDP://:4001", "udp", ":4001"),
         ("capture.bin", "file", "capture.bin"),
         ("capture.bin?speed=2", "file", "capture.bin"),
+        ("/run/robot/imu?baud=9600", "serial", "/run/robot/imu"),  # that is not there yet
         ("file:///data/capture.bin", "file", "/data/capture.bin"),
         ("sim:xbus?rate=400", "simulator", "xbus"),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +15,12 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.devices.session import GIVE_UP_S, Session
 from imuscope.server.devices.sessions import Sessions
-from imuscope.server.links.base import LinkError, LinkSettings
+from imuscope.server.links.base import LinkError, LinkSettings, Progress
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.protocols.protocol_cases import SPEAKERS
 from tests.server.fakes import SPEECH, FakeClock, FakeDecoder, FakeLink, sample
-from tests.server.session_harness import SessionHarness, playing
+from tests.server.session_harness import SessionHarness, playing, started
 
 
 async def test_samples_arrive_with_both_times() -> None:
@@ -92,6 +93,34 @@ async def test_a_dead_link_shows_at_once_and_comes_back() -> None:
         (gap,) = stage.events("gap")  # so that the page hatches the missed range
         assert gap.data["by"] == "link"
         assert 0.0 < gap.t1 - gap.t0 < 1.0
+
+
+async def test_a_local_port_is_opened_at_the_tick_after_its_return(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It waited for the next attempt, up to ten seconds later."""
+    monkeypatch.setattr("imuscope.server.devices.session.LOCAL_S", (1e6, 1e6))
+    port = tmp_path / "ttyFAKE"
+
+    class LocalLink(FakeLink):
+        local_path = str(port)
+
+        async def open(self, progress: Progress | None = None) -> None:
+            if not port.exists():
+                raise LinkError("not-found", "There is no port.", "Plug it in.")
+            await super().open(progress)
+
+    async with started(SessionHarness(link=LocalLink)) as stage:
+        for times in (1, 2):
+            await stage.settle(1.0)
+            assert stage.link.opened == times - 1
+            port.touch()
+            await stage.settle(0.1)
+            await stage.settle()
+            assert stage.link.opened == times
+            port.unlink()
+            stage.link.die(LinkError("gone", "/dev/ttyFAKE is gone.", "Plug it in."))
+            await stage.settle()
 
 
 async def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,6 +109,10 @@ class SharedPortLink(ThreadedLink):
         return self._inner.detects_baud
 
     @property
+    def local_path(self) -> str:
+        return self._inner.local_path
+
+    @property
     def place(self) -> str:
         """Identity of the port, for its socket."""
         return place_of(self._inner)
@@ -193,10 +197,15 @@ class SharedPortLink(ThreadedLink):
         """
         inner = self._inner
         if isinstance(inner, SerialLink):
-            await inner.open(progress)  # errors of the port are reported as without a holder
-            baud = inner.baud
-            await inner.close()
-            inner.line = replace(inner.line, baud=baud)
+            try:
+                await inner.open(progress)  # errors of the port are reported as without a holder
+            except LinkError:
+                if inner.line.baud is None or os.path.exists(inner.place):
+                    raise  # else the holder waits for the port, and programs have it as soon as it is plugged in
+            else:
+                baud = inner.baud
+                await inner.close()
+                inner.line = replace(inner.line, baud=baud)
         await asyncio.to_thread(_run_holder, holder_settings(inner, self.shares))
 
     def _read_greeting(self, connection: socket.socket) -> Mapping[str, Any]:

@@ -3,9 +3,9 @@
     port ──read, stamp──┬── clients: at once                 the robot's driver comes first
                         └── server: at most every SERVER_NS  its samples carry the stamp
 
-A port that is gone is opened again, as a link is. Until then its terminals and TCP ports are closed: a client sees what
-an unplugged adapter would show. Started by a server, the holder ends when neither a server nor a client has been there
-for GRACE_S; with `stay`, only by a signal.
+A port that is gone is opened as soon as it is back: its path is looked at with every tick. Until then its terminals and
+TCP ports are closed: a client sees what an unplugged adapter would show. Started by a server, the holder ends when
+neither a server nor a client has been there for GRACE_S; with `stay`, only by a signal.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from imuscope.server.backoff import Backoff
+from imuscope.server.backoff import LOCAL_S, Backoff
 from imuscope.server.extensions.shares.holder.arbiter import SERVER, Arbiter
 from imuscope.server.extensions.shares.holder.client_frames import FrameRules
 from imuscope.server.extensions.shares.holder.clients import Client
@@ -29,6 +29,7 @@ from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareError
 from imuscope.server.extensions.shares.holder.sharing import Sharing
 from imuscope.server.extensions.shares.holder.socket_paths import port_link
+from imuscope.server.terminals import standing_at
 
 TICK_S = 0.02
 LATE_S = 0.005  # after which a tick has a wake-up of its own: bytes that arrive until then take it along
@@ -51,10 +52,12 @@ class Holder:
             {"source": settings.source},
             self._loop,
             on_message=self._on_message,
-            on_gone=self.arbiter.unlock,
+            on_gone=self._on_server_gone,
             state=lambda: self.state(time.monotonic()),
         )
-        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S)
+        self._path = str(settings.source.get("place", ""))
+        self._backoff = Backoff(*(LOCAL_S if self._path else (FIRST_RETRY_S, LAST_RETRY_S)))
+        self._found: tuple[int, ...] | None = None  # at the path, when the port failed
         self._error: PortError | None = None
         self._retry_at = 0.0
         self._state_at = 0.0
@@ -111,7 +114,7 @@ class Holder:
     def _tick(self, now: float) -> None:
         self.sharing.server_waits = bool(self.server.writes) or self.arbiter.is_locked
         self.sharing.update(now)
-        if not self.port.is_open and now >= self._retry_at:
+        if not self.port.is_open and (self._has_returned() or now >= self._retry_at):
             self._open_port()
         if self.server.writes and self.arbiter.may_speak(SERVER, now):
             writes, self.server.writes = self.server.writes, []
@@ -129,13 +132,20 @@ class Holder:
 
     # ── the port ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
+    def _has_returned(self) -> bool:
+        """Whether something stands at the path of the port that did not at the last look."""
+        found, self._found = self._found, standing_at(self._path)
+        if self._found in (None, found):
+            return False
+        self._backoff.reset()
+        return True
+
     def _open_port(self) -> None:
         self.sharing.changed = True
         try:
             self.port.open()
         except PortError as error:
-            self._error = error
-            self._retry_at = time.monotonic() + self._backoff.next()
+            self._closed(error)
             return
         self._error = None
         self._backoff.reset()
@@ -144,16 +154,20 @@ class Holder:
         self.sharing.offer_all()
 
     def _port_link(self) -> str:
-        return port_link(self._settings.source.get("place", ""), self._settings.socket)
+        return port_link(self._path, self._settings.socket)
 
     def _lost_port(self, error: PortError) -> None:
         self._loop.forget(self.port.fd)
         self.port.close()
         self.server.name("")  # another device may get its number
-        self._error = error
-        self._retry_at = time.monotonic() + self._backoff.next()
+        self._closed(error)
         self.sharing.withdraw_all()
         self.server.refuse_all("the port is gone", kind="gone")
+
+    def _closed(self, error: PortError) -> None:
+        self._error = error
+        self._found = standing_at(self._path)
+        self._retry_at = time.monotonic() + self._backoff.next()
 
     def _on_port(self, event: int) -> None:
         try:
@@ -191,6 +205,10 @@ class Holder:
         self.server.on_client_data(time.monotonic_ns(), client, data)
 
     # ── the server ───────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _on_server_gone(self) -> None:
+        self._last_company = time.monotonic()  # one that waits for the port comes and goes
+        self.arbiter.unlock()
 
     def state(self, now: float) -> dict[str, Any]:
         """The whole state."""
