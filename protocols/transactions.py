@@ -271,6 +271,8 @@ class DeviceDriver(ABC):
     """Messages that signal a restart of the device: work that a command left unfinished is discarded."""
     ends_rest: str = ""
     """The command that ends the state in which settings are read (`AT_REST`); "" without such a state."""
+    restart_words: str = "The device restarts so that this takes effect; it sends nothing for about two seconds."
+    """What `store_and_restart` does, for the question before it."""
     usual_rates: Sequence[int] = ()
     """Rates that its devices may have been set to, likeliest first, Bd."""
 
@@ -296,6 +298,10 @@ class DeviceDriver(ABC):
             old: values on the device, if known and relevant to the bytes.
         """
         raise EncodeError(f"{self.name} has no settings")
+
+    def command_frames(self, command: str, values: Values, known: DeviceContext) -> list[bytes]:
+        """All frames that `run` sends, in order."""
+        return [self.frame(command, values, known)]
 
     @abstractmethod
     def annotate(self, frame: bytes) -> list[ByteRange]:
@@ -377,9 +383,23 @@ class DeviceDriver(ABC):
         """Risk of this write, by single fields, apart from `line_change` and the setting's own caution."""
         return []
 
-    def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
-        """Make written values persistent and effective: save if the protocol requires it, reset. The link may die."""
+    def restart_frames(self, values: Mapping[str, Values], known: DeviceContext) -> list[bytes]:
+        """All frames of `store_and_restart` and `resume`, if the device has these settings: nothing else is stored."""
+        return []
+
+    def store_and_restart(self, known: DeviceContext) -> Transaction[Sequence[bytes]]:
+        """Make written values persistent and effective: save them if the protocol requires it, reset. The link may die.
+
+        Returns:
+            Frames for `resume`: they start again what runs now and is not stored.
+        """
         yield from ()
+        return ()
+
+    def resume(self, frames: Sequence[bytes], known: DeviceContext) -> Transaction[None]:
+        """Start again what ran before a restart, and store nothing; the device answers."""
+        for frame in frames:
+            yield Send(frame)
 
     @abstractmethod
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:

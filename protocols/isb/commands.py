@@ -211,11 +211,7 @@ def _risk_of(name: str) -> Risk | None:
     return _MAKER if name.startswith("MANF_") else _FAULT if name.startswith("FAULT_") else None
 
 
-HARMLESS_COMMANDS = tuple(
-    number
-    for number, name in SYSTEM_COMMANDS.items()
-    if (risk := _risk_of(name)) is None or risk.caution == "wears-flash"
-)
+HARMLESS_COMMANDS = tuple(number for number, name in SYSTEM_COMMANDS.items() if _risk_of(name) is None)
 
 
 def _system() -> list[Command]:

@@ -8,6 +8,7 @@
     text   $…                    ──>   a sentence if one is documented, else nothing
 
 There is no Config state: a device measures while it is configured, so `within` only restores the streams afterwards.
+A restart ends what is not stored: `resume` starts it again, and stores nothing (resuming.py).
 Streams are read from DID_RMC, which names them, and by listening, which gives their rates. Those to be changed are
 written one by one, and no others; they are then observed, and any that did not arrive is requested once more. If a row
 gives the interval of its packets (period × source_ms), and the device uses another source than assumed, the multiple is
@@ -21,21 +22,20 @@ Source: ISB document, "Communication"; inertial-sense-sdk 2.7.1, ISComm.h and co
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, TypeVar
 
 from imuscope.protocols.events import Event, Reply, Text
 from imuscope.protocols.isb import annotate as annotated
 from imuscope.protocols.isb import bandwidth as budget
-from imuscope.protocols.isb import frames, stream_discovery
+from imuscope.protocols.isb import frames, resuming, stream_discovery
 from imuscope.protocols.isb.baud_change import line_change
 from imuscope.protocols.isb.commands import (
     COMMAND_ROWS,
     DEV_INFO,
     NMEA_PERIODS,
-    SAVE_FLASH,
     SAVE_PERSISTENT,
-    SOFTWARE_RESET,
     SYS_CMD,
 )
 from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS
@@ -70,6 +70,7 @@ from imuscope.protocols.transactions import (
     DeviceRejectedError,
     LinkLoad,
     NoReplyError,
+    PutBack,
     Risk,
     Send,
     Sleep,
@@ -173,6 +174,7 @@ class IsbDriver(DeviceDriver):
     """
 
     name = "isb"
+    restart_words = resuming.WORDS
     usual_rates = (
         *(921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000),
         *(57_600, 38_400, 19_200, 9_600),
@@ -367,7 +369,8 @@ class IsbDriver(DeviceDriver):
         self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
     ) -> tuple[str, Values] | None:
         """Treat SET_DID_x of a setting as a change of that setting, without the fields that the device maintains."""
-        row = settings_of(version_of(known)).get(command.removeprefix(SET_PREFIX))
+        name = command.removeprefix(SET_PREFIX)
+        row = next((one for one in self.settings(known) if one.name == name), None)
         if not command.startswith(SET_PREFIX) or row is None or not row.write:
             return None
         read_only = {field.name for field in row.fields if field.read_only}
@@ -376,15 +379,28 @@ class IsbDriver(DeviceDriver):
     def risks(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Risk]:
         return risks_of_change(setting, old, new, known.product)
 
-    def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
-        """Save the streams first: otherwise the device would restart silent."""
-        for command, what in ((SAVE_PERSISTENT, "SAVE_PERSISTENT_MESSAGES"), (SAVE_FLASH, "SAVE_FLASH")):
+    def restart_frames(self, values: Mapping[str, Values], known: DeviceContext) -> list[bytes]:
+        return [system_command(one) for one in resuming.RESTART] + resuming.frames_of(values, version_of(known))
+
+    def store_and_restart(self, known: DeviceContext) -> Transaction[Sequence[bytes]]:
+        """Save the flash configuration, restart. What runs now is found first: most of it is not stored."""
+        running: dict[str, Values] = {}
+        for setting in (STREAMS_SETTING, resuming.SENTENCES):
             try:
-                yield from write_dataset(system_command(command), f"DID_SYS_CMD.{what}")
-            except DeviceRejectedError:
-                continue  # not every product has it; written values are in flash already
-        yield from write_dataset(system_command(SOFTWARE_RESET), "DID_SYS_CMD.SOFTWARE_RESET", required=False)
+                running[setting] = yield from self.within(self.read(setting, known), known)
+            except DeviceRejectedError:  # a product without sentences
+                continue
+        again = tuple(resuming.frames_of(running, version_of(known)))
+        yield PutBack(again)
+        save, reset = (system_command(one) for one in resuming.RESTART)
+        with suppress(DeviceRejectedError):  # not every product has it; written values are in flash already
+            yield from write_dataset(save, "DID_SYS_CMD.SAVE_FLASH")
+        yield from write_dataset(reset, "DID_SYS_CMD.SOFTWARE_RESET", required=False)
         yield Sleep(RESET_S)
+        return again
+
+    def resume(self, frames: Sequence[bytes], known: DeviceContext) -> Transaction[None]:
+        return resuming.resume(frames, lambda did: read_dataset(did), gpx=_is_gpx(known))
 
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         for _ in range(ALIVE_TRIES):

@@ -4,6 +4,7 @@
                         periods: shorter than an IMX-5 with GNSS can keep, or than the one they follow; faster streams
     DID_MAG_CAL         replaces the existing calibration
     fields maintained by the device (a checksum, its own size)      not for the user to write
+    streams, sentences  the option that stores them
 
 The same words apply to every way of writing: form, API, command line, as a setting or as a data set.
 
@@ -15,7 +16,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from imuscope.protocols.isb.stored_settings import settings_of
+from imuscope.protocols.isb.messages import SET_PREFIX
+from imuscope.protocols.isb.stored_settings import PERSISTENT, STREAMS_SETTING, settings_of
 from imuscope.protocols.transactions import Risk
 
 Values = Mapping[str, Any]
@@ -31,6 +33,8 @@ _SHORTENED = (
 _FASTER = "Every stream that follows the navigation period rises from {old:.4g} to {new:.4g} Hz."
 _RECALIBRATED = "The existing magnetometer calibration is replaced."
 _OWN = "The device maintains these fields itself. Writing them can make it discard its configuration."
+_STREAMS = (STREAMS_SETTING, "DID_NMEA_BCAST_PERIOD", "ASCE", "DID_RMC", "DID_GPX_RMC")
+_SAVED = "The streams and sentences of this moment are saved to the flash memory: they run again after every restart."
 _CALIBRATES = (1, 2)  # states of DID_MAG_CAL that start one
 
 
@@ -63,6 +67,9 @@ def risks_of_change(setting: str, old: Values | None, new: Values, product: str 
             risks.append(Risk("stops-output", _ENDED))
     if setting == "DID_FLASH_CONFIG":
         risks += _of_navigation(before, changed, product)
+    is_of_streams = setting.removeprefix(SET_PREFIX).partition(".")[0] in _STREAMS
+    if is_of_streams and int(changed.get("options") or 0) & PERSISTENT:
+        risks.append(Risk("wears-flash", _SAVED))
     if setting == "DID_MAG_CAL" and changed.get("state") in _CALIBRATES:
         risks.append(Risk("moves-frame", _RECALIBRATED))
     return risks

@@ -63,6 +63,7 @@ _NONE: Mapping[str, tuple[str, dict[str, int]]] = {  # encoding of an empty list
     ),
     "SetCanOutputConfig": ("outputs", dict.fromkeys(("can_data_id", "frame_format", "can_id", "frequency"), 0)),
 }
+_STORE_RESET = frame_from_json({"message": "ResetOrientation", "fields": {"code": 0}})
 _OPTION_MASK = sum(1 << bit.low for bit in OPTION_FLAGS)
 
 
@@ -105,6 +106,12 @@ class XbusDriver(DeviceDriver):
     ) -> list[bytes]:
         model = model_of(known.product)
         return [frames.to_bus(_write_frame(_stored_setting(setting, model), values, model, held=held), _bus(known))]
+
+    def command_frames(self, command: str, values: Values, known: DeviceContext) -> list[bytes]:
+        sent = [self.frame(command, values, known)]
+        if _row(command, values, model_of(known.product)).name == commands.RESET_AND_STORE:
+            sent.append(frames.to_bus(_STORE_RESET, _bus(known)))
+        return sent
 
     def annotate(self, frame: bytes) -> list[ByteRange]:
         return annotate.annotate(frame)
@@ -164,9 +171,7 @@ class XbusDriver(DeviceDriver):
         them.
         """
         yield from requests.send_request(frame, "ResetOrientation", 0.5, 1)
-        store = requests.send_request(
-            frame_from_json({"message": "ResetOrientation", "fields": {"code": 0}}), "ResetOrientation", 0.5
-        )
+        store = requests.send_request(_STORE_RESET, "ResetOrientation", 0.5)
         return (yield from self._within(RequiresState(store, "config", continues=True)))
 
     def unfinished(self, command: str, values: Values) -> str | None:
@@ -227,10 +232,14 @@ class XbusDriver(DeviceDriver):
     ) -> tuple[str, Values] | None:
         return config_effects.instead(command, values, present, known)
 
-    def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
+    def restart_frames(self, values: Mapping[str, Values], known: DeviceContext) -> list[bytes]:
+        return [frames.to_bus(frames.build(requests.RESET), _bus(known))]
+
+    def store_and_restart(self, known: DeviceContext) -> Transaction[Sequence[bytes]]:
         """Reset; written settings are stored already. Not inside `within`: the device then measures by itself."""
         reset = requests.send_request(frames.build(requests.RESET), "Reset", 0.5)
         yield from requests.addressed(reset, _bus(known))
+        return ()
 
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         return (yield from requests.addressed(requests.is_alive(self._times), _bus(known)))

@@ -20,6 +20,7 @@ from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.configuration.api_models import ApplyRequest, RawRequest, ReadRequest, RunRequest
 from imuscope.server.configuration.change_plan import (
+    TEMPORARY,
     ChangeRequest,
     discarded,
     plan_changes,
@@ -38,6 +39,7 @@ router = lazy_router(prefix="/api/devices/{device}", tags=["control"])
 
 MAX_RAW = 4096
 CONFIRM_S = (1, 600)
+SEVERAL = "These settings are written to {count} devices: {names}."
 
 
 def controllers_of(services: TheServices) -> ControllerRegistry:
@@ -133,6 +135,12 @@ async def apply(
     requests = [await _change_request(one, controllers, body.changes) for one in targets]
     product = body.product or (controller.context.product if len(targets) > 1 else "")
     others = [Risk("loses-settings", words) for one in targets if (words := mismatch(product, one.context.product))]
+    if len(targets) > 1:
+        names = ", ".join(f"{one.member.info.name} {one.context.serial_number}".strip() for one in targets)
+        others.insert(0, Risk("", SEVERAL.format(count=len(targets), names=names)))
+        is_temporary = any(danger.caution == "cuts-line" for request in requests for danger in request.risks)
+        if is_temporary or body.confirm_s is not None:
+            others.append(Risk("", TEMPORARY.format(seconds=body.confirm_s or controllers.rollback_s)))
     confirmed([*others, *(danger for request in requests for danger in request.risks)], body.confirmed)
     base = {name: numbers(row.fields, body.base[name]) for name, row in controller.rows.items() if name in body.base}
     tasks = [

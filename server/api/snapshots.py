@@ -22,7 +22,7 @@ from imuscope.server.configuration.api_models import (
     SnapshotInfo,
 )
 from imuscope.server.configuration.budget import overload
-from imuscope.server.configuration.change_plan import dangers_of
+from imuscope.server.configuration.change_plan import TEMPORARY, dangers_of
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.products import mismatch
@@ -144,7 +144,7 @@ async def compare_sides(body: CompareRequest, controller: OneController, control
     if result.changes and body.left.side == "device":
         result = replace(
             result,
-            dangers=_dangers(controller, result),
+            dangers=_dangers(controller, result, controllers.rollback_s),
             blocked=overload(controller.present, result.changes),
         )
     rows = [
@@ -154,11 +154,14 @@ async def compare_sides(body: CompareRequest, controller: OneController, control
     return replace(result, rows=rows, changes=to_json_safe(result.changes), profile=to_json_safe(result.profile))
 
 
-def _dangers(controller: DeviceController, difference: Difference) -> list[str]:
+def _dangers(controller: DeviceController, difference: Difference, rollback_s: float) -> list[str]:
     """Risks of writing the right side to this device, in words."""
     words = [mismatch(difference.product, controller.context.product)]
     for name, values in difference.changes.items():
-        words += [danger.consequence for danger in dangers_of(controller, controller.rows[name], values)]
+        dangers = dangers_of(controller, controller.rows[name], values)
+        words += [danger.consequence for danger in dangers]
+        if any(danger.caution == "cuts-line" for danger in dangers):
+            words.append(TEMPORARY.format(seconds=rollback_s))
     return [one for one in dict.fromkeys(words) if one]
 
 

@@ -1,7 +1,6 @@
 """Check of a change request and its risks, before it becomes a job.
 
-A caution of the tables, or a change that could cut the line, is a Risk with its consequence as text. Flash wear of each
-write is mentioned in the form and needs no confirmation.
+A caution of the tables, or a change that could cut the line, is a Risk with its consequence as text.
 """
 
 from __future__ import annotations
@@ -17,12 +16,13 @@ from imuscope.protocols.transactions import RequiresState, Risk, Values
 from imuscope.server.configuration.api_models import FieldProblem
 from imuscope.server.configuration.budget import overload_error
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.configuration.risks import UNASKED, dangers_of_write
+from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.value_checks import problems_of, without_current_values
 from imuscope.server.configuration.value_format import head_of, numbers
 from imuscope.server.errors import DomainError
 
 SHARED = "Other devices share this line; they cannot be received at another baud rate than theirs."
+TEMPORARY = "The change is temporary: it is rolled back unless confirmed within {seconds:g} s of the device's answer."
 WRONG_HINT = "Correct this value, then apply again; nothing was written."
 
 
@@ -171,15 +171,17 @@ def plan_command(controller: DeviceController, name: str, values: Mapping[str, A
         raise DomainError("bad-value", f"{row.title or name}: {problems[0].message}", WRONG_HINT)
     if (other := controller.driver.instead(name, values, controller.values, controller.context)) is not None:
         return _instead(controller, row, *other)
-    setting = _written_by(controller, name, values)
+    setting = controller.present.written_by(name, values)
     if setting is not None:
         if (error := overload_error(controller.present, {setting.name: values})) is not None:
             raise error
         title = f"Write {setting.title or setting.name}"
         risks = dangers_of(controller, setting, values) + discarded(controller)
         return ChangeRequest(title, risks, {setting.name: dict(values)}, setting.name, True)
-    risks = [Risk(row.caution, row.consequence)] if row.is_risky(values) and row.caution not in UNASKED else []
+    risks = [Risk(row.caution, row.consequence)] if row.is_risky(values) else []
+    risks += controller.driver.risks(name, None, values, controller.context)
     try:
+        controller.driver.command_frames(name, values, controller.context)
         body = controller.driver.run(name, values, controller.context)
     except EncodeError as error:
         raise DomainError("bad-value", f"{row.title or name}: {error}.", "Nothing was sent.") from None
@@ -200,15 +202,6 @@ def _instead(controller: DeviceController, row: Command, setting: str, values: V
         hint = "Read its settings first."
         raise DomainError("not-read", f"{row.title or row.name} changes {setting}, which has not been read yet.", hint)
     return replace(plan_changes(controller, {setting: values}), title=row.title or row.name, setting=setting)
-
-
-def _written_by(controller: DeviceController, command: str, values: Mapping[str, Any]) -> Setting | None:
-    """The setting that a command writes, if its arguments are fields of the setting."""
-    for row in controller.driver.settings(controller.context):
-        names = {one.name for one in row.fields if not one.read_only}
-        if row.write == command and values and (set(values) <= names if row.partial else set(values) == names):
-            return row
-    return None
 
 
 UNKNOWN_BYTES = "These bytes are not a known message; they may change anything in the device."

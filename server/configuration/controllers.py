@@ -78,6 +78,11 @@ class ControllerRegistry:
         self._controllers: dict[str, DeviceController] = {}
         sessions.on_added(self._session_added)
 
+    @property
+    def rollback_s(self) -> float:
+        """Time to confirm a change that could cut the link, s."""
+        return self._timings.rollback_s
+
     def _formerly(self, protocol: str, serial_number: str) -> Sequence[str]:
         driver = self._drivers(protocol)
         return driver.formerly(serial_number) if driver is not None else ()

@@ -235,13 +235,15 @@ class Jobs:
     ) -> list[WriteResult]:
         """Restart the device and read the written settings back."""
         controller.step(task, "The device restarts")
+        again: Sequence[bytes] = ()
         try:
-            await controller.run(controller.driver.store_and_restart(controller.context))
+            again = await controller.run(controller.driver.store_and_restart(controller.context))
         except NoReplyError as error:  # a lost answer to a reset is normal
             controller.log.add_note(str(error))
         if not await run_command.answers(controller, self._timings.rounds):
             hint = "Wait a few seconds and read its settings; if it stays silent, switch it off and on."
             raise JobError("The device does not answer after its restart.", hint)
+        await controller.run(controller.driver.resume(again, controller.context))
         names = [one.setting for one in written]
         snapshot = await self._reader.read_settings(
             controller, task, [*names, *settings_procedures.altered(controller.driver, controller.context, names)]

@@ -82,6 +82,14 @@ class DevicePresentState:
                 return setting
         return None
 
+    def written_by(self, command: str, values: Mapping[str, Any]) -> Setting | None:
+        """The setting as a change of which a command with these values is carried out."""
+        for row in self.driver.settings(self.known):
+            names = {one.name for one in row.fields if not one.read_only}
+            if row.write == command and values and (set(values) <= names if row.partial else set(values) == names):
+                return row
+        return None
+
 
 def preview_setting(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewResult:
     """Frames that would write these values; KeyError for an unknown setting."""
@@ -102,6 +110,9 @@ def preview_setting(present: DevicePresentState, name: str, values: Mapping[str,
     old = present.values.get(name)
     risks = dangers_of_write(driver, replace(row, caution=""), old, values, known) if old is not None else []
     merged = {**present.values, name: {**present.values.get(name, {}), **values}}
+    is_same = old is not None and not driver.same(name, {key: old.get(key) for key in values}, values)
+    if frames and row.after == "reset" and not is_same:
+        frames += driver.restart_frames(merged, known)
     baud = change.baud if change is not None and change.baud is not None else present.line.baud
     return PreviewResult(
         frames=[frame_info(driver, frame) for frame in frames[:MAX_FRAMES]],
@@ -124,11 +135,14 @@ def preview_command(present: DevicePresentState, name: str, values: Mapping[str,
         partial = present.setting(other[0]).partial
         new = {key: value for key, value in other[1].items() if not partial or key not in now or now[key] != value}
         return preview_setting(present, other[0], new)
+    if not problems and (written := present.written_by(name, values)) is not None:
+        return preview_setting(present, written.name, values)
+    frames: list[bytes] = []
     try:
-        frame = b"" if problems else present.driver.frame(name, values, present.known)
+        frames = [] if problems else present.driver.command_frames(name, values, present.known)
     except EncodeError as error:
-        problems, frame = [FieldProblem(error.path, sentence(error))], b""
-    return PreviewResult(frames=[frame_info(present.driver, frame)] if frame else [], problems=problems)
+        problems = [FieldProblem(error.path, sentence(error))]
+    return PreviewResult(frames=[frame_info(present.driver, frame) for frame in frames], problems=problems)
 
 
 def frame_info(driver: DeviceDriver, frame: bytes) -> FrameInfo:

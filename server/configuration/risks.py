@@ -5,7 +5,7 @@
     Driver.risks                     risks of single fields
     a restart                        for settings that take effect after one
 
-Flash wear of each write is mentioned in the form and needs no confirmation.
+A write of a setting itself is what was asked for; its wear of the flash memory is mentioned in the form.
 """
 
 from __future__ import annotations
@@ -13,9 +13,6 @@ from __future__ import annotations
 from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.schema import Setting
 from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Risk, Values
-
-UNASKED = ("", "wears-flash")
-RESTARTS = "The device restarts so that this takes effect; it sends nothing for about two seconds."
 
 
 def dangers_of_write(
@@ -37,7 +34,7 @@ def dangers_of_write(
     if old is not None and not driver.same(row.name, {name: old.get(name) for name in new}, new):
         return []
     risks = []
-    if row.caution not in UNASKED:
+    if row.caution:
         risks.append(Risk(row.caution, row.consequence))
     try:
         line = driver.line_change(row.name, old, new, known)
@@ -47,5 +44,5 @@ def dangers_of_write(
         risks.append(Risk("cuts-line", line.words))
     risks += driver.risks(row.name, old, new, known)
     if restarts and row.after == "reset" and not any(one.caution == "restarts" for one in risks):
-        risks.append(Risk("restarts", RESTARTS))
+        risks.append(Risk("restarts", driver.restart_words))
     return risks

@@ -24,7 +24,7 @@ import asyncio
 import json
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -174,6 +174,7 @@ class RollbackRun:
         self.record = record
         self._task = task
         self._timings = timings
+        self._running: Sequence[bytes] = ()  # what ran before a restart, until it runs again
 
     # ── change ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -249,6 +250,7 @@ class RollbackRun:
                     continue
             if await self._alive():
                 record.new_baud = baud
+                await self._resume()
                 return True
         return False
 
@@ -369,6 +371,7 @@ class RollbackRun:
             await self._controller.runner.reopen(record.old_baud)
         if not await self._alive():
             return "did not after its old settings were written"
+        await self._resume()
         snapshot = await self._read(record.old)
         if snapshot is None:
             return "its settings cannot be read back"
@@ -395,12 +398,19 @@ class RollbackRun:
 
     async def _restart(self) -> None:
         """Store and restart. A lost answer to a reset is normal."""
+        known = self._known_values(self._controller.member.access.baud)
         try:
-            await self._controller.run(
-                self._driver.store_and_restart(self._known_values(self._controller.member.access.baud))
-            )
+            running = await self._controller.run(self._driver.store_and_restart(known))
+            self._running = self._running or running  # what an earlier restart ended does not run now
         except NoReplyError as error:
             self._controller.log.add_note(str(error))
+
+    async def _resume(self) -> None:
+        """Start again what a restart has ended, on the device that answers."""
+        if self._running:
+            known = self._known_values(self._controller.member.access.baud)
+            await self._controller.run(self._driver.resume(self._running, known))
+            self._running = ()
 
     async def _alive(self) -> bool:
         return await self._controller.run(

@@ -243,7 +243,28 @@ def test_a_rate_acts_after_the_restart_and_the_device_is_found_there() -> None:
     assert play(DRIVER.restore_communication(KNOWN), there)
     assert there.baud == 115_200
     there.pass_time(1)
-    assert len(read("streams", there)["streams"]) == 8  # saved before the restart
+    assert len(read("streams", there)["streams"]) == 8  # those that were saved
+
+
+def test_a_restart_stores_no_streams_and_starts_again_what_ran() -> None:
+    """Regression: a write of a lever arm saved the streams of the moment as persistent ones, unasked and unsaid."""
+    there = wire()
+    stored = dict(there.device.persistent)
+    gone = next(iter(stored))
+    play(DRIVER.run("GET_DATA", {"id": 4, "size": 0, "offset": 0, "period": 3}, KNOWN), there)
+    play(DRIVER.run("STOP_DID_BROADCAST", {"id": gone}, KNOWN), there)
+    sentences = {"options": 0, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 5}]}
+    play(DRIVER.write("DID_NMEA_BCAST_PERIOD", sentences, KNOWN), there)
+    running = dict(there.device.streams)
+    again = play(DRIVER.store_and_restart(KNOWN), there)
+    assert there.put_back[-1] == again  # also if the server is killed now
+    there.pass_time(1)
+    assert play(DRIVER.is_alive(KNOWN), there)
+    play(DRIVER.resume(again, KNOWN), there)
+    assert there.device.streams == running != stored
+    assert there.device.memory.sentences == {7: 5}
+    assert (there.device.persistent, there.device.memory.saved_sentences) == (stored, {})
+    assert there.put_back[-1] == ()
 
 
 @each_row(

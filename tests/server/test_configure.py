@@ -184,7 +184,11 @@ def test_the_same_profile_goes_to_two_devices(http: Client) -> None:
     """And is put back from the snapshot that was taken before: exactly what was there."""
     before = [read(http, 1), read(http, 2)]
     changes = {"OutputConfiguration": outputs(50), "LocationID": {"location_id": 42}}
-    job = done(http, post(http, "apply", {"changes": changes, "devices": ["2"], "reason": "new mast"}))
+    body = {"changes": changes, "devices": ["2"], "reason": "new mast"}
+    question = post(http, "apply", body)
+    assert (question.status_code, question.json()["kind"]) == (409, "confirm")
+    assert "written to 2 devices: MTi-630 0080800002, MTi-630 0080800003." in question.json()["message"]
+    job = done(http, post(http, "apply", {**body, "confirmed": True}))
     assert (job["state"], job["outcomes"]) == ("done", [])
     until(lambda: http.get("/api/devices/2/jobs").json()["running"] is None, http)
     for device, old in ((1, before[0]), (2, before[1])):

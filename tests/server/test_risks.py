@@ -70,7 +70,8 @@ def test_a_port_that_may_be_ours_is_looked_for_at_every_rate() -> None:
     [
         ("SET_DID_SYS_CMD", {"command": 1357924682, "invCommand": 2937042613}, True),  # erases the chip
         ("SET_DID_SYS_CMD", {"command": 99, "invCommand": 0}, True),
-        ("SET_DID_SYS_CMD", {"command": 1, "invCommand": 0}, False),  # saves the current streams
+        ("SET_DID_SYS_CMD", {"command": 1, "invCommand": 0}, True),  # saves the current streams
+        ("SET_DID_SYS_CMD", {"command": 3, "invCommand": 0}, False),
         ("SET_DID_RMC", {"bits": 0, "options": 0}, True),
         ("SET_DID_MANUFACTURING_INFO", {}, True),
         ("SET_DID_WHEEL_ENCODER", {}, False),

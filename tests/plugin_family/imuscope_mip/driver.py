@@ -160,9 +160,10 @@ class MipDriver(DeviceDriver):
         told = identity_of(values)
         return DeviceContext(**{**{"baud": known.baud, "device": known.device}, **told})
 
-    def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
+    def store_and_restart(self, known: DeviceContext) -> Transaction[Sequence[bytes]]:
         """Settings take effect at once and are saved; no restart is needed."""
         yield from _ask(frame_from_json({"message": f"Save{ROTATION_NAME}"}), f"Save{ROTATION_NAME}")
+        return ()
 
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         def match(event: Event) -> bool | None:
