@@ -140,12 +140,16 @@ async def delete_snapshot(name: str, controller: OneController, controllers: All
 async def compare_sides(body: CompareRequest, controller: OneController, controllers: AllControllers) -> Difference:
     """Compare two sides field by field, with the changes that would make the left side equal the right one."""
     left, right = await _side(body.left, controller, controllers), await _side(body.right, controller, controllers)
-    result = compare(controller.driver, controller.context, left, right, body.take)
+    result = compare(controller.driver, controller.context, left, right, body.take, body.take_rest)
     if result.changes and body.left.side == "device":
         result = replace(
             result,
             dangers=_dangers(controller, result, controllers.rollback_s),
             blocked=overload(controller.present, result.changes),
+            temporary=any(
+                controller.driver.line_change(name, controller.values.get(name), values, controller.context)
+                for name, values in result.changes.items()
+            ),
         )
     rows = [
         replace(row, left_value=to_json_safe(row.left_value), right_value=to_json_safe(row.right_value))

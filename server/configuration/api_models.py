@@ -217,7 +217,8 @@ class SideRef:
 class CompareRequest:
     left: SideRef
     right: SideRef
-    take: dict[str, bool] = field(default_factory=dict)  # DifferenceRow.key → take; the others as by default
+    take: dict[str, bool] = field(default_factory=dict)  # DifferenceRow.key → take
+    take_rest: bool | None = None  # whether the others are taken; null: as by default
 
 
 @dataclass(slots=True)
@@ -233,6 +234,7 @@ class DifferenceRow:
     writable: bool = True
     take: bool = False  # the changes contain it
     key: str = ""  # of this difference in CompareRequest.take
+    why: str = ""  # why the left device cannot have the right value, which is then not writable
 
 
 @dataclass(slots=True)
@@ -248,6 +250,7 @@ class Difference:
     problems: list[FieldProblem] = field(default_factory=list)  # problems of the right side, at their paths
     dangers: list[str] = field(default_factory=list)  # risks of writing the right side to the device
     blocked: str = ""  # why it cannot be written: more than the line can carry
+    temporary: bool = False  # the changes could cut the line: they are rolled back unless they are confirmed
 
 
 @dataclass(slots=True)

@@ -5,8 +5,9 @@
     right ─┘   no ──> a row: "Acceleration, rate   400 Hz   100 Hz"
                     + changes: values to write to make the left side equal to the right one in the rows to take
 
-Every row that can be written is taken, unless the request chooses otherwise (`take`); the number that a user gave to
-another sensor (Setting.per_sensor) only if the request says so.
+Every row that can be written is taken, unless the request chooses otherwise (`take`, `take_rest`); the number that a
+user gave to another sensor (Setting.per_sensor) only if the request says so. A value that the product on the left does
+not have cannot be written, and its row says why.
 
 Momentary values (Field.momentary: temperatures, counters, the state of a calibration) are not compared, and are not
 written back, because writing them could start what they report.
@@ -22,11 +23,12 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any
 
+from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.schema import Field, Setting
 from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
 from imuscope.server.configuration.api_models import Difference, DifferenceRow, FieldProblem
 from imuscope.server.configuration.form_builder import flat
-from imuscope.server.configuration.value_checks import problems_of
+from imuscope.server.configuration.value_checks import problems_of, sentence
 from imuscope.server.configuration.value_format import (
     OFF,
     entry_title,
@@ -79,11 +81,13 @@ def compare(
     left: ComparedValues,
     right: ComparedValues,
     take: Mapping[str, bool] = NOTHING_CHOSEN,
+    take_rest: bool | None = None,
 ) -> Difference:
     """The differences, and the values to write to the left side to make it equal to the right one.
 
     Args:
-        take: DifferenceRow.key → whether the values to write contain it; the others as by default.
+        take: DifferenceRow.key → whether the values to write contain it.
+        take_rest: whether they contain the others; None: as by default.
     """
     result = Difference(left.title, right.title, [], 0, product=right.product)
     rows = {row.name: row for row in driver.settings(known)}
@@ -106,9 +110,12 @@ def compare(
         ):
             _invalid_values(row, right.values[row.name], result)
         _setting(driver, row, left.values[row.name], right.values[row.name], result)
+    for row in rows.values() if not right.from_device else ():
+        _refuse_absent_values(driver, known, row, left.values, result)
     for one in result.rows:
         one.key = f"{one.setting}/{one.path}"
-        one.take = one.writable and take.get(one.key, not (rows[one.setting].per_sensor and right.of_another))
+        is_usual = not (rows[one.setting].per_sensor and right.of_another) if take_rest is None else take_rest
+        one.take = one.writable and take.get(one.key, is_usual)
     for row in rows.values():
         _changes(row, left.values.get(row.name, {}), result)
     return result
@@ -163,6 +170,40 @@ def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, re
         result.profile[row.name] = writable
 
 
+def _refuse_absent_values(
+    driver: DeviceDriver, known: DeviceContext, row: Setting, left: Mapping[str, Values], result: Difference
+) -> None:
+    """Mark each difference whose value this product does not have: written alone, it would be refused."""
+    rows = [one for one in result.rows if one.setting == row.name and one.writable]
+    own = left.get(row.name, {}) if rows else {}
+    before = {one.name: own[one.name] for one in row.fields if one.name in own and not one.read_only}
+    try:
+        driver.setting_frames(row.name, before, known)
+    except (EncodeError, KeyError):
+        return  # what the device has is not in the tables either
+    for one in rows:
+        alone = replace(result, rows=[replace(other, take=other is one) for other in rows], changes={})
+        _changes(row, own, alone)
+        one.why = _not_listed(row, one, left)
+        try:
+            driver.setting_frames(row.name, alone.changes[row.name], known)
+        except EncodeError as error:
+            one.why = sentence(error)
+    for one in rows:
+        one.writable = not one.why
+
+
+def _not_listed(row: Setting, one: DifferenceRow, left: Mapping[str, Values]) -> str:
+    """Why the device does not take a text: it lists others; "" if it does, or lists none."""
+    at = field_at(row.fields, one.path)
+    if at is None or at.listed is None:
+        return ""
+    entries = left.get(at.listed.setting, {}).get(at.listed.records, [])
+    texts = {str(entry[at.listed.text]).strip() for entry in entries if entry[at.listed.used]}
+    absent = texts and any(part not in texts for part in str(one.right_value).split("/"))
+    return f"The device lists {', '.join(sorted(texts))}." if absent else ""
+
+
 def _changes(row: Setting, left: Values, result: Difference) -> None:
     """Values to write for the rows of a setting that are to be taken."""
     rows = [one for one in result.rows if one.setting == row.name]
@@ -174,7 +215,7 @@ def _changes(row: Setting, left: Values, result: Difference) -> None:
         written = {name: value for name, value in written.items() if name in paths}
     for one in rows:
         name, rest = head_of(one.path, written)
-        if one.writable and not one.take and name in written:
+        if not one.take and name in written:
             written[name] = _as_before(written[name], rest, left[name], one) if rest else left[name]
     result.changes[row.name] = written
 

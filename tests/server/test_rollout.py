@@ -25,6 +25,46 @@ def mti(values: dict[str, Any]) -> DevicePresentState:
     return DevicePresentState(XbusDriver(), DeviceContext(product="MTi-630", baud=115_200), LINE, values)
 
 
+def test_what_a_product_lacks_is_refused_before_it_is_written() -> None:
+    """Outputs of a GNSS receiver and the filter profile of another product were offered, and taken, for an MTi-630."""
+    profiles = [{"type": 1, "version": 1, "label": name} for name in ("Responsive", "VRU")]
+    here = {
+        "OutputConfiguration": outputs(50),
+        "FilterProfile": {"profile": "Responsive"},
+        "LocationID": {"location_id": 1},
+    }
+    listed = {"AvailableFilterProfiles": {"profiles": profiles}}
+    there = {"OutputConfiguration": outputs(20, 0x4020, 0x7010), "FilterProfile": {"profile": "General_RTK"}}
+    there |= {"LocationID": {"location_id": 2}}
+    known, sides = (
+        DeviceContext(product="MTi-630"),
+        (ComparedValues("Now", here | listed), ComparedValues("Profile", there)),
+    )
+    found = compare(XbusDriver(), known, *sides)
+    refused = {row.path: row.why for row in found.rows if row.why}
+    assert set(refused) == {"outputs.0x7010", "profile"}
+    assert "MTi-630 has no" in refused["outputs.0x7010"]
+    assert refused["profile"] == "The device lists Responsive, VRU."
+    assert not any(row.take or row.writable for row in found.rows if row.why)
+    assert "FilterProfile" not in found.changes
+    assert {one["data_identifier"] for one in found.changes["OutputConfiguration"]["outputs"]} == {
+        0x1020,
+        0x1060,
+        0x4020,
+    }
+    of_itself = compare(XbusDriver(), known, sides[0], replace(sides[1], from_device=True))
+    assert not any(row.why for row in of_itself.rows), "what the device reported may be written back"
+
+
+def test_nothing_is_taken_but_what_was_chosen() -> None:
+    """Differences that a page had not shown yet were taken, because those that nobody chose were."""
+    here, there = ({"LocationID": {"location_id": n}, "OutputConfiguration": outputs(n)} for n in (20, 50))
+    known, sides = DeviceContext(product="MTi-630"), (ComparedValues("Now", here), ComparedValues("Profile", there))
+    chosen = {"LocationID/location_id": True}
+    assert compare(XbusDriver(), known, *sides, chosen, take_rest=False).changes == {"LocationID": {"location_id": 50}}
+    assert compare(XbusDriver(), known, *sides, take_rest=False).changes == {}
+
+
 async def test_the_job_also_refuses_an_excessive_load(tmp_path: Path) -> None:
     """A profile of 400 Hz once filled a line of 115 200 Bd more than twice, because only the form looked."""
     async with house(tmp_path) as there:

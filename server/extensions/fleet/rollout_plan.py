@@ -103,7 +103,9 @@ class _Changes:
                 return None
             risks += [one.consequence for one in dangers]
         shown = RolloutChanges(
-            rows=[RolloutChange(title=row.title, now=row.left, profile=row.right) for row in difference.rows],
+            rows=[
+                RolloutChange(title=row.title, now=row.left, profile=row.right) for row in difference.rows if row.take
+            ],
             risks=list(dict.fromkeys(risks)),
         )
         if shown not in self.shown:

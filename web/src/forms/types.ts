@@ -311,8 +311,10 @@ export interface SideRef {
 export interface CompareRequest {
   readonly left: SideRef;
   readonly right: SideRef;
-  /** DifferenceRow.key → take; the others as by default */
+  /** DifferenceRow.key → take */
   readonly take: Readonly<Record<string, boolean>>;
+  /** whether the others are taken; null: as by default */
+  readonly take_rest: boolean | null;
 }
 
 export interface DifferenceRow {
@@ -331,6 +333,8 @@ export interface DifferenceRow {
   readonly take: boolean;
   /** of this difference in CompareRequest.take */
   readonly key: string;
+  /** why the left device cannot have the right value, which is then not writable */
+  readonly why: string;
 }
 
 export interface Difference {
@@ -354,6 +358,8 @@ export interface Difference {
   readonly dangers: readonly string[];
   /** why it cannot be written: more than the line can carry */
   readonly blocked: string;
+  /** the changes could cut the line: they are rolled back unless they are confirmed */
+  readonly temporary: boolean;
 }
 
 export interface FitRatesRequest {

@@ -129,7 +129,8 @@ export function answering(answers: Answers, slow = "", keys: ReadonlyMap<string,
     const [place, query] = path.split("?");
     const whole = known.get(keyOf(`${method} ${path} ${text}`.trim())) ?? known.get(`${method} ${path}`);
     const answered = whole ?? known.get(`${method} ${place}`);
-    const found: unknown = typeof answered === "function" ? answered(new URLSearchParams(query)) : answered;
+    const found: unknown =
+      typeof answered === "function" ? answered(new URLSearchParams(query), text && JSON.parse(text)) : answered;
     const missing = { kind: "not-found", message: `Nothing was recorded of ${path}.`, hint: "" };
     const answer =
       found instanceof Response ? found : Response.json(found ?? missing, { status: found === undefined ? 404 : 200 });

@@ -1691,7 +1691,7 @@ export interface Routes {
   /** Compare two sides field by field, with the changes that would make the left side equal the right one. */
   "POST /api/devices/{device}/compare": {
     readonly path: { readonly device: string };
-    readonly body: Defaulted<CompareRequest, "take">;
+    readonly body: Defaulted<CompareRequest, "take" | "take_rest">;
     readonly answer: Difference;
   };
   /** The frame that made a sample of a live device, and its neighbours, as far as its bytes are in memory: each frame as `imuscope inspect` lists it, with the meaning of each byte. */

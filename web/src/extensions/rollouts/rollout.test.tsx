@@ -2,7 +2,7 @@
 /** One profile for several devices: what is ticked is written, to the chosen devices, and the result of each is shown. */
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
-import type { Difference, SnapshotBody } from "../../forms/types";
+import type { CompareRequest, Difference, SnapshotBody } from "../../forms/types";
 import { openConfigure } from "../../testing/configure-page";
 import { recorded } from "../../testing/recorded";
 import type { Job } from "../../wire/types";
@@ -12,7 +12,17 @@ import { bodiesOf, buttonOf as button, find, job, until } from "../../testing/qu
 const known = recorded("xbus");
 const VALUES = known.answers["GET /api/devices/1/values"] as SnapshotBody;
 
-const TAKEN = { writable: true, take: true, key: "OutputConfiguration/outputs.3" };
+const KEY = "OutputConfiguration/outputs.3";
+const TAKEN = { writable: true, take: true, key: KEY, why: "" };
+
+/** A server's comparison: of the rows those are taken that are chosen, or by default all that can be written. */
+function comparing(found: Difference) {
+  return (_: URLSearchParams, body: unknown): Difference => {
+    const { take, take_rest } = body as CompareRequest;
+    const rows = found.rows.map((row) => ({ ...row, take: row.writable && (take[row.key] ?? take_rest ?? true) }));
+    return { ...found, rows, changes: rows.some((row) => row.take) ? found.profile : {} };
+  };
+}
 
 test("who may only look has nothing to write a profile with", async () => {
   const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
@@ -23,7 +33,7 @@ test("who may only look has nothing to write a profile with", async () => {
     place: "compare/~factory",
     answers: { "GET /api/build": { role: "view" }, "POST /api/devices/1/compare": difference },
   });
-  await until('.rollout tr[data-device="1"] summary');
+  await waitFor(() => expect(find('.rollout tr[data-device="1"]').textContent).toContain("1 value, ticked above"));
   await waitFor(() => expect(button("Apply this profile").disabled).toBe(true));
 });
 
@@ -54,6 +64,7 @@ test("a profile goes to the chosen device with that device's own differences, an
   const equal = same as Difference;
   const row = { setting: "OutputConfiguration", path: "outputs.3", title: "Acceleration", unit: "Hz", ...TAKEN };
   const differs = { ...row, left: "100 Hz", right: "50 Hz", left_value: 100, right_value: 50 };
+  const gnss = { ...differs, path: "outputs.4", key: "OutputConfiguration/outputs.4", title: "GNSS solution" };
   const profile = { OutputConfiguration: { outputs: [] } };
   const unread = { ...VALUES, info: { ...VALUES.info, taken: 0 } };
   let third = unread;
@@ -63,7 +74,7 @@ test("a profile goes to the chosen device with that device's own differences, an
       "POST /api/devices/1/compare": equal,
       "GET /api/devices/2/values": VALUES,
       "GET /api/devices/3/values": () => third,
-      "POST /api/devices/2/compare": { ...equal, rows: [differs], changes: profile, profile },
+      "POST /api/devices/2/compare": comparing({ ...equal, rows: [differs, gnss], profile, temporary: true }),
       "POST /api/devices/3/compare": { ...equal, dangers: ["The profile is of “MTi-680G”."] },
       "POST /api/devices/3/read": job(1, { device: "3", state: "waiting" }),
       "POST /api/devices/xbus-2/apply": job(5, { device: "2", state: "waiting" }),
@@ -88,14 +99,23 @@ test("a profile goes to the chosen device with that device's own differences, an
   told("3", [job(1, { device: "3" })]);
   await waitFor(() => expect(line("3").textContent).toContain("“MTi-680G”"));
   expect(line("3").textContent).toContain("No change");
-  expect(within(line("2")).getByText("Acceleration: 100 Hz → 50 Hz")).toBeTruthy();
+  const ofGnss = () => within(line("2")).getByLabelText("GNSS solution: 100 Hz → 50 Hz") as HTMLInputElement;
+  expect(line("2").textContent).toContain("0 of 2 values ticked");
+  expect(ofGnss().checked).toBe(false);
   expect(button("Apply this profile").disabled).toBe(true);
-  fireEvent.click(find('.rollout tr[data-device="2"] input'));
+  const whole = find('.rollout tr[data-device="2"] input') as HTMLInputElement;
+  fireEvent.click(whole);
+  await waitFor(() => expect(line("2").textContent).toContain("2 of 2 values ticked"));
+  fireEvent.click(ofGnss());
+  await waitFor(() => expect(line("2").textContent).toContain("1 of 2 values ticked"));
+  expect([ofGnss().checked, whole.checked, whole.indeterminate]).toEqual([false, true, true]);
+  expect(bodiesOf(page, "/api/devices/2/compare").at(-1)).toMatchObject({ take: { [KEY]: true }, take_rest: false });
   fireEvent.click(button("Apply this profile"));
   const question = within(await screen.findByRole("dialog"));
-  expect(question.getByText(`${one.name} · 2: 1 value.`)).toBeTruthy();
+  const words = `${one.name} · 2: 1 value (Acceleration). The change is temporary: it is rolled back unless confirmed`;
+  expect(find("dialog").textContent).toContain(words);
   expect(page.asked.some(({ path }) => path.endsWith("/apply"))).toBe(false);
-  fireEvent.click(question.getByRole("button", { name: "Write profile" }));
+  fireEvent.click(question.getByRole("button", { name: "Write, then confirm" }));
   const base = { OutputConfiguration: VALUES.values["OutputConfiguration"] };
   await waitFor(() => expect(bodiesOf(page, "/api/devices/xbus-2/apply")).toMatchObject([{ changes: profile, base }]));
   expect(page.asked.filter(({ path }) => path.endsWith("/apply"))).toHaveLength(1);
@@ -111,4 +131,31 @@ test("a profile goes to the chosen device with that device's own differences, an
   expect(line("2").textContent).not.toContain("of the same number");
   fireEvent.click(button("Dismiss results"));
   await waitFor(() => expect(line("2").textContent).not.toContain("written and read back"));
+});
+
+/** Regression: what a product lacks was offered with the rest, and refused by the server or the device after the press. */
+test("what a product lacks is named, with the reason, and cannot be ticked", async () => {
+  const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
+  const row = { setting: "OutputConfiguration", path: "outputs.3", title: "GNSS solution", unit: "Hz", left: "off" };
+  const absent = { ...row, ...TAKEN, right: "4 Hz", left_value: null, right_value: 4, writable: false, take: false };
+  const rows = [{ ...absent, why: "MTi-630 has no GnssPvtData." }];
+  const found = { ...(same as Difference), rows, missing: { GnssLeverArm: "no such setting" }, changes: {} };
+  const page = await openConfigure("xbus", {
+    place: "compare/~factory",
+    answers: {
+      "POST /api/devices/1/compare": found,
+      "GET /api/devices/2/values": VALUES,
+      "POST /api/devices/2/compare": found,
+    },
+  });
+  const [one] = page.store.devices.value;
+  if (one === undefined) throw new Error("no device");
+  const devices = ["1", "2"].map((id) => ({ ...one, id, serial_number: id, key: `xbus-${id}` }));
+  page.store.receive({ kind: "text", text: { op: "devices", devices } });
+  await waitFor(() => expect(find('.rollout tr[data-device="2"]').textContent).toContain("2 values left out"));
+  for (const words of ["GNSS solution: MTi-630 has no GnssPvtData.", "GnssLeverArm: no such setting"])
+    expect(find('.rollout tr[data-device="2"]').textContent).toContain(words);
+  expect(find(".difference-table").textContent).toContain("MTi-630 has no GnssPvtData.");
+  expect(document.querySelectorAll(".difference-table input, .rollout .ticks input")).toHaveLength(0);
+  for (const box of document.querySelectorAll<HTMLInputElement>(".rollout tr input")) expect(box.disabled).toBe(true);
 });

@@ -1,11 +1,11 @@
 /**
- * One profile for several devices: the changes of each are shown first, with their problems; then each is written by a job of its own,
- * whose result is shown in its row.
+ * One profile for several devices: the differences of each are shown first, each with a tick of its own; what is ticked is written by a job
+ * of the device, whose result is shown in its row. The ticks of the device that the page is about stand in the comparison above.
  */
 import { effect, type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
-import type { Difference, SideRef } from "../../forms/types";
+import type { CompareRequest, Difference, SideRef } from "../../forms/types";
 import type { Present } from "../../forms/edits";
 import { Button } from "../../ui/button";
 import type { Outcome, HttpProblem } from "../../ui/http";
@@ -16,7 +16,7 @@ import { isOver, jobIn, Outcomes, stateWords } from "../../pages/configure/jobs"
 import type { Model } from "../../pages/configure/model";
 import { configureApi } from "../../pages/configure/api";
 import { refFor } from "../../pages/configure/sides";
-import type { ComparisonActionProps } from "../../pages/configure/compare";
+import type { ComparisonActionProps, Take } from "../../pages/configure/compare";
 import { madeFor } from "../../pages/app-state";
 import { TableHead } from "../../ui/table-head";
 import "./rollouts.css";
@@ -44,11 +44,15 @@ const resultsOf = madeFor((store: Store) => {
   return results;
 });
 
+/** Which differences of each further device are ticked, by their keys; of a device without any nothing is. */
+type Ticks = Readonly<Record<string, Take>>;
+
 export function RolloutSection({ model, store, others, side, take, title }: ComparisonActionProps) {
   const own = model.device.value;
   const devices = [...(own ? [own] : []), ...others].filter(({ id }) => refFor(side, "", model.id, id) !== undefined);
   const checks = useSignal<Checks>({});
-  const ticked = useSignal<ReadonlySet<string>>(new Set(side === "device" ? [] : [model.id]));
+  const isOwnTicked = useSignal(side !== "device");
+  const ticks = useSignal<Ticks>({});
   const results = resultsOf(store);
   const text = model.file.value?.text ?? "";
   const finished = devices.map(({ id }) => `${id}:${store.jobs.value.get(id)?.done[0]?.id ?? 0}`).join();
@@ -58,16 +62,32 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
     for (const { id } of devices) {
       const right = refFor(side, text, model.id, id);
       if (right === undefined) continue;
-      void compared(id, right, take).then((answer) => {
+      const chosen = id === model.id ? { take, take_rest: null } : { take: ticks.value[id] ?? {}, take_rest: false };
+      void compared(id, right, chosen).then((answer) => {
         if (!stale) checks.value = { ...checks.peek(), [id]: answer };
       });
     }
     return () => {
       stale = true;
     };
-  }, [side, text, finished, take]);
+  }, [side, text, finished, take, ticks.value]);
   if (devices.length === 0) return null;
-  const ready = devices.filter(({ id }) => ticked.value.has(id) && isReady(checks.value[id]));
+  const ready = devices.filter(({ id }) => (id !== model.id || isOwnTicked.value) && isReady(checks.value[id]));
+  /** All differences of a device, but for what distinguishes one sensor from another; or none. */
+  const tickAll = async (id: string, isOn: boolean): Promise<void> => {
+    if (id === model.id) {
+      isOwnTicked.value = isOn;
+      return;
+    }
+    const right = refFor(side, text, model.id, id);
+    if (right === undefined) return;
+    const usual = isOn ? await compared(id, right, { take: {}, take_rest: null }) : undefined;
+    const all = usual?.ok ? Object.fromEntries(usual.value.rows.map((row) => [row.key, row.take])) : {};
+    ticks.value = { ...ticks.peek(), [id]: all };
+  };
+  const tick = (id: string, key: string, isOn: boolean): void => {
+    ticks.value = { ...ticks.peek(), [id]: { ...ticks.peek()[id], [key]: isOn } };
+  };
   return (
     <section class="rollout" aria-label={TEXT.applyProfile}>
       <h3>{TEXT.applyTitleTo(title)}</h3>
@@ -86,7 +106,9 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
               store={store}
               device={device}
               check={checks.value[device.id]}
-              ticked={ticked}
+              isTicked={device.id === model.id && isOwnTicked.value}
+              tickAll={(isOn) => void tickAll(device.id, isOn)}
+              tick={(key, isOn) => tick(device.id, key, isOn)}
               results={results.value}
             />
           ))}
@@ -109,7 +131,11 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
 }
 
 /** Changes of a device; one that was never read is not compared. */
-async function compared(device: string, right: SideRef, take: ComparisonActionProps["take"]): Promise<Check> {
+async function compared(
+  device: string,
+  right: SideRef,
+  chosen: Pick<CompareRequest, "take" | "take_rest">,
+): Promise<Check> {
   const body = await configureApi.values(device);
   if (!body.ok) return body;
   if (body.value.info.taken === 0)
@@ -117,7 +143,7 @@ async function compared(device: string, right: SideRef, take: ComparisonActionPr
   const found = await configureApi.compare(device, {
     left: { side: "device", snapshot: "", device: "", text: "" },
     right,
-    take,
+    ...chosen,
   });
   return found.ok ? { ok: true, value: { ...found.value, base: body.value.values } } : found;
 }
@@ -129,21 +155,27 @@ const isReady = (check: Check | undefined): boolean =>
   check.value.problems.length === 0 &&
   check.value.blocked === "";
 
+/** Whether a profile has something for a device that it can be given. */
+const isOffered = (check: Check | undefined): boolean =>
+  check?.ok === true && check.value.rows.some(({ writable }) => writable) && check.value.problems.length === 0;
+
 interface RowProps {
   readonly model: Model;
   readonly store: Store;
   readonly device: DeviceInfo;
   readonly check: Check | undefined;
-  readonly ticked: Signal<ReadonlySet<string>>;
+  /** Of the device that the page is about: whether it is written to. */
+  readonly isTicked: boolean;
+  readonly tickAll: (isOn: boolean) => void;
+  readonly tick: (key: string, isOn: boolean) => void;
   readonly results: RolloutResults;
 }
 
-function Row({ model, store, device, check, ticked, results }: RowProps) {
-  const toggle = (): void => {
-    const next = new Set(ticked.value);
-    if (!next.delete(device.id)) next.add(device.id);
-    ticked.value = next;
-  };
+function Row({ model, store, device, check, isTicked, tickAll, tick, results }: RowProps) {
+  const isOwn = device.id === model.id;
+  const writable = check?.ok ? check.value.rows.filter((row) => row.writable) : [];
+  const total = writable.filter((row) => row.take).length;
+  const isOn = isOwn ? isTicked && isReady(check) : total > 0;
   return (
     <tr data-device={device.id}>
       <td>
@@ -152,18 +184,19 @@ function Row({ model, store, device, check, ticked, results }: RowProps) {
             type="checkbox"
             class="check"
             aria-label={TEXT.applyToDevice(fullName(device))}
-            checked={ticked.value.has(device.id)}
-            disabled={!isReady(check)}
-            onChange={toggle}
+            checked={isOn}
+            indeterminate={!isOwn && total > 0 && total < writable.length}
+            disabled={model.page.viewOnly.value || !(isOwn ? isReady(check) : isOffered(check))}
+            onChange={() => tickAll(!isOn)}
           />
         </label>
       </td>
       <th scope="row">
         {shortName(device)} <span class="mono dim">{device.serial_number}</span>
-        {device.id === model.id && <small class="dim">{TEXT.thisDevice}</small>}
+        {isOwn && <small class="dim">{TEXT.thisDevice}</small>}
       </th>
       <td>
-        <Changes model={model} device={device} check={check} />
+        <Changes model={model} device={device} check={check} tick={isOwn ? undefined : tick} />
       </td>
       <td>
         <Result store={store} device={device.id} results={results} />
@@ -172,7 +205,12 @@ function Row({ model, store, device, check, ticked, results }: RowProps) {
   );
 }
 
-function Changes({ model, device, check }: Pick<RowProps, "model" | "device" | "check">) {
+interface ChangesProps extends Pick<RowProps, "model" | "device" | "check"> {
+  /** Ticks one difference; undefined where the ticks stand in the comparison above. */
+  readonly tick: RowProps["tick"] | undefined;
+}
+
+function Changes({ model, device, check, tick }: ChangesProps) {
   if (check === undefined) return <span class="dim">{TEXT.comparing}</span>;
   if (!check.ok) {
     return (
@@ -192,24 +230,52 @@ function Changes({ model, device, check }: Pick<RowProps, "model" | "device" | "
     );
   }
   const found = check.value;
-  const rows = found.rows.filter(({ take }) => take);
+  const total = found.rows.filter(({ take }) => take).length;
+  const all = found.rows.filter(({ writable }) => writable).length;
+  const absent = [
+    ...found.rows.flatMap(({ title, why }) => (why ? [[title, why] as const] : [])),
+    ...Object.entries(found.missing),
+  ];
   const against = [
     ...(found.blocked ? [found.blocked] : []),
     ...found.problems.map(({ path, message }) => `${path}: ${message}`),
   ];
   return (
     <>
-      {rows.length === 0 ? (
-        <span class="dim">
-          {found.rows.some(({ writable }) => writable) ? TEXT.nothingSelected : TEXT.alreadyApplied}
-        </span>
+      {all === 0 ? (
+        <span class="dim">{found.rows.some(({ why }) => why) ? TEXT.nothingPossible : TEXT.alreadyApplied}</span>
+      ) : tick === undefined ? (
+        <span class={total === 0 ? "dim" : ""}>{total === 0 ? TEXT.nothingSelected : TEXT.tickedAbove(total)}</span>
       ) : (
+        <details open={total > 0}>
+          <summary>{TEXT.tickedOf(total, all)}</summary>
+          <ul class="ticks">
+            {found.rows
+              .filter(({ writable }) => writable)
+              .map((row) => (
+                <li key={row.key}>
+                  <label class="tick">
+                    <input
+                      type="checkbox"
+                      class="check"
+                      checked={row.take}
+                      disabled={model.page.viewOnly.value || against.length > found.blocked.length}
+                      onChange={({ currentTarget }) => tick(row.key, currentTarget.checked)}
+                    />{" "}
+                    <span>{TEXT.change(row.title, row.left || CONFIGURE.missing, row.right || CONFIGURE.missing)}</span>
+                  </label>
+                </li>
+              ))}
+          </ul>
+        </details>
+      )}
+      {tick !== undefined && absent.length > 0 && (
         <details>
-          <summary>{TEXT.valueCount(rows.length)}</summary>
+          <summary>{TEXT.leftOut(absent.length)}</summary>
           <ul class="dim">
-            {rows.map(({ setting, path, title, left, right }) => (
-              <li key={`${setting} ${path}`}>
-                {title}: {left || CONFIGURE.missing} → {right || CONFIGURE.missing}
+            {absent.map(([title, why]) => (
+              <li key={title}>
+                {title}: <Message text={why} />
               </li>
             ))}
           </ul>
@@ -319,14 +385,19 @@ function ask(
         });
     }
   };
+  const isTemporary = found.some(({ check }) => check.temporary);
   model.page.question.value = {
     title: TEXT.confirmRollout(title, found.length),
     about: "",
-    words: found.map(({ device, check }) =>
-      [TEXT.rolloutOf(fullName(device), check.rows.filter(({ take }) => take).length), ...check.dangers].join(" "),
-    ),
-    caution: "",
-    go: TEXT.writeProfile,
+    words: found.map(({ device, check }) => {
+      const values = check.rows.flatMap((row) => (row.take ? [row.title] : []));
+      const temporary = check.temporary ? [CONFIGURE.rollbackNotice] : [];
+      return [TEXT.rolloutOf(fullName(device), values.length, values.join(", ")), ...check.dangers, ...temporary].join(
+        " ",
+      );
+    }),
+    caution: isTemporary ? "cuts-line" : "",
+    go: isTemporary ? CONFIGURE.writeThenConfirm : TEXT.writeProfile,
     act,
   };
 }

@@ -59,6 +59,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
         left: sideRef(left, file?.text ?? ""),
         right: sideRef(right, file?.text ?? ""),
         take: take.value,
+        take_rest: null,
       };
       void configureApi.compare(model.id, sides).then((answer) => {
         if (stale) return;
@@ -205,7 +206,7 @@ function Tick({ row, take, disabled }: Omit<TableProps, "found"> & { readonly ro
   if (!row.writable)
     return (
       <>
-        {row.title} <span class="tag">{COMMON.readOnly}</span>
+        {row.title} {row.why ? <small class="why-not">{row.why}</small> : <span class="tag">{COMMON.readOnly}</span>}
       </>
     );
   return (

@@ -47,9 +47,10 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
     waves.value = text;
     if (await ask()) problem.value = undefined;
   };
-  const submit = async (event: SubmitEvent): Promise<void> => {
-    event.preventDefault();
-    const given = new FormData(event.currentTarget as HTMLFormElement);
+  /** By its button alone: Enter in a field, which ends the typing of the waves, starts nothing. */
+  const submit = async (form: HTMLFormElement | null): Promise<void> => {
+    if (form === null || !form.reportValidity()) return;
+    const given = new FormData(form);
     const by = String(given.get("by") ?? "").trim();
     if (by === "" || plan.value === undefined || isBusy.value) return;
     storeName(by);
@@ -68,7 +69,7 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
   }
   const n = found.devices.length;
   return (
-    <form class="stacked" onSubmit={(event) => void submit(event)}>
+    <form class="stacked" onSubmit={(event) => event.preventDefault()}>
       <p>
         {n > 0 ? TEXT.differs(n, found.product, found.group) : TEXT.nothing(found.product, found.group)}{" "}
         <span class="dim">
@@ -134,7 +135,12 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
       {problem.value && <ProblemNote problem={problem.value} />}
       {n > 0 && (
         <div class="ends">
-          <Button type="submit" look="main" words={TEXT.start(n)} disabled={isBusy.value} />
+          <Button
+            look="main"
+            words={TEXT.start(n)}
+            disabled={isBusy.value}
+            onClick={(event) => void submit(event.currentTarget.form)}
+          />
         </div>
       )}
     </form>
