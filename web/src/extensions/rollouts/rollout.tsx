@@ -5,7 +5,7 @@
 import { effect, type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
-import type { CompareRequest, Difference, SideRef } from "../../forms/types";
+import type { Difference, SideRef } from "../../forms/types";
 import type { Present } from "../../forms/edits";
 import { Button } from "../../ui/button";
 import type { Outcome, HttpProblem } from "../../ui/http";
@@ -62,7 +62,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
     for (const { id } of devices) {
       const right = refFor(side, text, model.id, id);
       if (right === undefined) continue;
-      const chosen = id === model.id ? { take, take_rest: null } : { take: ticks.value[id] ?? {}, take_rest: false };
+      const chosen = id === model.id ? { take } : { take: ticks.value[id] ?? {}, take_rest: false as const };
       void compared(id, right, chosen).then((answer) => {
         if (!stale) checks.value = { ...checks.peek(), [id]: answer };
       });
@@ -81,7 +81,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
     }
     const right = refFor(side, text, model.id, id);
     if (right === undefined) return;
-    const usual = isOn ? await compared(id, right, { take: {}, take_rest: null }) : undefined;
+    const usual = isOn ? await compared(id, right, { take: {} }) : undefined;
     const all = usual?.ok ? Object.fromEntries(usual.value.rows.map((row) => [row.key, row.take])) : {};
     ticks.value = { ...ticks.peek(), [id]: all };
   };
@@ -134,7 +134,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
 async function compared(
   device: string,
   right: SideRef,
-  chosen: Pick<CompareRequest, "take" | "take_rest">,
+  chosen: { readonly take: Take; readonly take_rest?: false },
 ): Promise<Check> {
   const body = await configureApi.values(device);
   if (!body.ok) return body;

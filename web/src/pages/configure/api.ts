@@ -30,7 +30,7 @@ export const configureApi = {
     request("POST /api/devices/{device}/snapshots", { path: { device }, body: { title, text } }),
   deleteSnapshot: (device: string, name: string) =>
     request("DELETE /api/devices/{device}/snapshots/{name}", { path: { device, name } }),
-  compare: (device: string, body: CompareRequest) =>
+  compare: (device: string, body: Omit<CompareRequest, "take_rest"> & { readonly take_rest?: false }) =>
     request("POST /api/devices/{device}/compare", { path: { device }, body }),
   fit: (device: string, setting: string, values: FormValues, baud: number | null) =>
     request("POST /api/devices/{device}/fit-rates", { path: { device }, body: { setting, values, baud } }),

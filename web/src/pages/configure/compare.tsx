@@ -59,7 +59,6 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
         left: sideRef(left, file?.text ?? ""),
         right: sideRef(right, file?.text ?? ""),
         take: take.value,
-        take_rest: null,
       };
       void configureApi.compare(model.id, sides).then((answer) => {
         if (stale) return;
