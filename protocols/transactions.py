@@ -30,7 +30,7 @@ from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
-from imuscope.protocols.events import Event
+from imuscope.protocols.events import Batch, Event, Reply
 from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.schema import Caution, Command, Setting
 
@@ -115,6 +115,14 @@ class NoReplyError(Exception):
         self.what, self.attempts, self.timeout_s = what, attempts, timeout_s
 
 
+class DeviceRestartedError(NoReplyError):
+    """The device restarted before it answered to `what`: it is not in the state any more in which it was written."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(what, 1, 0.0)
+        self.args = (f"The device restarted before it answered to {what}.",)
+
+
 class TransactionCancelledError(Exception):
     """Thrown into a transaction to stop it: it may still yield `Send` for required cleanup."""
 
@@ -169,6 +177,7 @@ class DeviceContext:
         device: the addressed one if a link carries several (an IDTP device id, the bus identifier of an MTi).
         settings: of the family's decoder, as far as given (ProtocolInfo.settings): the key of encrypted frames.
         at_rest: the user sent it to the state in which settings are read, and it stays there (`DeviceDriver.within`).
+        sample_s: time between its newest samples; 0 if not known.
     """
 
     product: str = ""
@@ -178,6 +187,7 @@ class DeviceContext:
     device: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict, repr=False, hash=False)
     at_rest: bool = False
+    sample_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -400,6 +410,14 @@ class DeviceDriver(ABC):
         """Start again what ran before a restart, and store nothing; the device answers."""
         for frame in frames:
             yield Send(frame)
+
+    def takes_writes(self, known: DeviceContext) -> Transaction[bool]:
+        """Whether a device that did not answer to one request is still in the state in which it is written."""
+        return (yield from self.is_alive(known))
+
+    def confirms(self, frame: bytes, event: Event) -> bool:
+        """Whether an event shows that the device has carried out a frame that puts it back (PutBack)."""
+        return isinstance(event, Batch | Reply)
 
     @abstractmethod
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:

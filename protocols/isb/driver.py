@@ -402,6 +402,9 @@ class IsbDriver(DeviceDriver):
     def resume(self, frames: Sequence[bytes], known: DeviceContext) -> Transaction[None]:
         return resuming.resume(frames, lambda did: read_dataset(did), gpx=_is_gpx(known))
 
+    def confirms(self, frame: bytes, event: Event) -> bool:
+        return resuming.confirms(frame, event)
+
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         for _ in range(ALIVE_TRIES):
             yield Send(frames.get_data(DEV_INFO, period=0))

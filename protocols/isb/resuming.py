@@ -16,11 +16,13 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+from imuscope.protocols.events import Batch, Event, Reply, Text
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.commands import NMEA_PERIODS, RMC, SAVE_FLASH, SOFTWARE_RESET
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.encoder import GPX_RMC, set_frames, streams_frames
-from imuscope.protocols.isb.frames import GET_DATA, TYPE_MASK
+from imuscope.protocols.isb.frames import ACK, GET_DATA, NACK, TYPE_MASK
+from imuscope.protocols.isb.messages import COMMANDS, ROWS
 from imuscope.protocols.isb.stored_settings import STREAMS_SETTING
 from imuscope.protocols.isb.stream_discovery import Requester
 from imuscope.protocols.isb.streams import dids_of
@@ -57,6 +59,16 @@ def resume(packets: Sequence[bytes], request: Requester, *, gpx: bool) -> Transa
             if did not in wanted:
                 yield Send(frames.build(frames.STOP_DID, did))
     yield PutBack()
+
+
+def confirms(packet: bytes, event: Event) -> bool:
+    """Whether a stream that was requested has come, or is refused; or a sentence, which nothing else starts."""
+    if packet[2] & TYPE_MASK != GET_DATA:
+        return isinstance(event, Text) or (isinstance(event, Reply) and event.message is COMMANDS[ACK])
+    did = _did(packet)
+    if isinstance(event, Reply) and event.message is COMMANDS[NACK]:
+        return bool(event.values.get("body.dataHdr.id") == did)
+    return isinstance(event, Batch | Reply) and event.message is ROWS.get(did)
 
 
 def _did(packet: bytes) -> int:

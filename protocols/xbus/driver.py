@@ -122,9 +122,9 @@ class XbusDriver(DeviceDriver):
     # -- transactions
 
     def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
-        return requests.addressed(self._within(body, at_rest=known.at_rest), _bus(known))
+        return requests.addressed(self._within(body, at_rest=known.at_rest, sample_s=known.sample_s), _bus(known))
 
-    def _within(self, body: Transaction[T], *, at_rest: bool = False) -> Transaction[T]:
+    def _within(self, body: Transaction[T], *, at_rest: bool = False, sample_s: float = 0.0) -> Transaction[T]:
         """`body` in the config state, or in its required state (RequiresState), then in the state in which the device
         was found: it measures again unless it was at rest.
         """
@@ -132,12 +132,12 @@ class XbusDriver(DeviceDriver):
         if state == "any":
             return (yield from body)
         if state == "measuring":
-            if not (yield WaitFor(_sample, requests.FIRST_SAMPLE_S)):  # it measures; GoToMeasurement would fail
+            if not (yield WaitFor(requests.sample, requests.FIRST_SAMPLE_S)):  # it measures; GoToMeasurement would fail
                 yield from requests.to_measurement()
             return (yield from body)
         continues = isinstance(body, RequiresState) and body.continues  # then nothing may come in between
         if not at_rest and not continues:
-            at_rest = yield from requests.is_in_config()
+            at_rest = yield from requests.is_in_config(sample_s)
         if not at_rest:
             yield PutBack((frames.build(requests.GO_TO_MEASUREMENT),))
         try:
@@ -207,7 +207,7 @@ class XbusDriver(DeviceDriver):
         try:
             first = yield from _identity("ReqDID")
         except DeviceRejectedError:
-            return (yield from self._within(self._identify(known), at_rest=known.at_rest))
+            return (yield from self._within(self._identify(known), at_rest=known.at_rest, sample_s=known.sample_s))
         identity = dict(first)
         for request in ("ReqProductCode", "ReqFWRev"):
             identity |= yield from _identity(request)
@@ -240,6 +240,14 @@ class XbusDriver(DeviceDriver):
         reset = requests.send_request(frames.build(requests.RESET), "Reset", 0.5)
         yield from requests.addressed(reset, _bus(known))
         return ()
+
+    def takes_writes(self, known: DeviceContext) -> Transaction[bool]:
+        return requests.addressed(requests.is_in_config(known.sample_s), _bus(known))
+
+    def confirms(self, frame: bytes, event: Event) -> bool:
+        if isinstance(event, Reply) and event.message.id == requests.ERROR:
+            return event.values.get("code") == requests.ERROR_MESSAGE  # it measures already
+        return isinstance(event, Batch | Reply) and self.states.get(event.message.name) == "Measurement"
 
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         return (yield from requests.addressed(requests.is_alive(self._times), _bus(known)))
@@ -371,15 +379,11 @@ def _one_sample(frame: bytes, row: CommandRow) -> Transaction[Values]:
 
 
 def _sample_or_error(event: Event) -> bool | Reply | None:
-    return _sample(event) or _error(event)
+    return requests.sample(event) or _error(event)
 
 
 def _error(event: Event) -> Reply | None:
     return event if isinstance(event, Reply) and event.message.id == requests.ERROR else None
-
-
-def _sample(event: Event) -> bool | None:
-    return True if isinstance(event, Batch) and event.message.name == "MTData2" else None
 
 
 def _read(one: StoredSetting) -> Transaction[Values]:

@@ -1,9 +1,10 @@
 """Requests to an MTi: state changes, attempts and acknowledgements.
 
-    ask      request ──> acknowledgement, number plus one; Error ──> DeviceRejectedError in the document's words, and
-                   or WakeUp: the device has restarted (only Reset is answered by it too);
+    ask      request ──> acknowledgement, number plus one; Error ──> DeviceRejectedError in the document's words;
+                   WakeUp ──> DeviceRestartedError (only Reset is answered by it too);
                    no answer within the time-out ──> retry, if repeating is harmless
-    is_in_config   ReqDID: a device in the config state answers, one that measures refuses
+    is_in_config   ReqDID: a device in the config state answers, one that measures refuses or answers as well; then a
+                   sample after the answer outweighs it
     to_config      GoToConfig every 100 ms; a WakeUp in between is answered with WakeUpAck at once: within 500 ms that
                    also leads to the config state. A device that ignores both is left as it is: only Reset, which the
                    user sends, may help
@@ -26,6 +27,7 @@ from imuscope.protocols.events import Batch, Event, Reply, Text
 from imuscope.protocols.json_values import jsonable
 from imuscope.protocols.transactions import (
     DeviceRejectedError,
+    DeviceRestartedError,
     NoReplyError,
     PutBack,
     Send,
@@ -45,6 +47,7 @@ ATTEMPTS = 3
 STEP_S = 0.1  # between two GoToConfig
 ANSWER_S = 0.2  # an answer to ReqDID has come by then, after samples under way
 FIRST_SAMPLE_S = 0.25  # a measuring device has sent something by then, unless it is slow or waits for a trigger
+SLOWEST_SAMPLE_S = 2.5  # of a device at 1 Hz
 REFUSED_S = 0.2  # a refusing Error has come by then, after samples under way
 RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003, 60.0
 
@@ -103,7 +106,8 @@ def send_request(
         The acknowledgement's fields, wire values.
 
     Raises:
-        DeviceRejectedError: Error came instead, or the device restarted.
+        DeviceRejectedError: Error came instead.
+        DeviceRestartedError: WakeUp came instead.
         NoReplyError: no answer.
     """
     number = answers(frame[2])
@@ -122,7 +126,7 @@ def send_request(
             if reply.message.id == ERROR:
                 raise refusal(what, reply)
             if reply.message.id == WAKE_UP and frame[2] != RESET:
-                raise DeviceRejectedError(what, "the device restarted before answering")
+                raise DeviceRestartedError(what)
             return values_of(reply)
     raise NoReplyError(what, attempts, timeout_s)
 
@@ -147,13 +151,25 @@ def refusal(what: str, error: Reply) -> DeviceRejectedError:
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def is_in_config() -> Transaction[bool]:
-    """Whether the device is in the config state already; False if it does not answer."""
+def is_in_config(sample_s: float = 0.0) -> Transaction[bool]:
+    """Whether the device is in the config state already; False if it does not answer.
+
+    Args:
+        sample_s: time between the samples that it sent before; 0 if not known.
+    """
     yield Send(frames.build(REQ_DID), "ReqDID")
     message = yield WaitFor(_did_or_refusal, ANSWER_S, "ReqDID")
     if message == WAKE_UP:  # it is starting, and would measure
         yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
-    return bool(message == REQ_DID + 1)
+    if message != REQ_DID + 1:
+        return False
+    wait_s = min(max(FIRST_SAMPLE_S, 2 * sample_s), SLOWEST_SAMPLE_S)
+    return not (yield WaitFor(sample, wait_s, "a sample"))
+
+
+def sample(event: Event) -> bool | None:
+    """Match a sample, which only a measuring device sends."""
+    return True if isinstance(event, Batch) and event.message.name == "MTData2" else None
 
 
 def _did_or_refusal(event: Event) -> int | None:

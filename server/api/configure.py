@@ -38,6 +38,7 @@ from imuscope.server.wire import DeviceHealth
 router = lazy_router(prefix="/api/devices/{device}", tags=["control"])
 
 MAX_RAW = 4096
+MAX_TITLES = 3  # of the settings that are read, in the title of the job
 CONFIRM_S = (1, 600)
 SEVERAL = "These settings are written to {count} devices: {names}."
 
@@ -100,7 +101,10 @@ async def read_settings(body: ReadRequest, controller: OneController, controller
     if unknown:
         raise DomainError("not-found", f"Setting {unknown[0]!r:.80} not found.", "Choose one of the list of settings.")
     confirmed(discarded(controller), body.confirmed)
-    return controller.add("Read all settings", controllers.jobs.read(controller, body.settings, body.reason)).job
+    titles = [controller.rows[name].title or name for name in body.settings or ()]
+    title = "Read all settings" if not titles else f"Read {', '.join(titles[:MAX_TITLES])}"
+    title += f" and {len(titles) - MAX_TITLES} more" * (len(titles) > MAX_TITLES)
+    return controller.add(title, controllers.jobs.read(controller, body.settings, body.reason)).job
 
 
 @router.get("/health", responses=responses(404, 409, 422))

@@ -125,7 +125,7 @@ class DeviceController:
         )
         is_stored = member.info.link not in ("simulator", "file")
         self.put_back = PutBackTask(self, put_back, timings, device=member.name, is_stored=is_stored)
-        self.runner = Runner(member, self.log, timings.patience, self.put_back.keep)
+        self.runner = Runner(member, self.log, timings.patience, self.put_back.keep, self.put_back.confirms)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
         self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s
@@ -137,6 +137,7 @@ class DeviceController:
         self.unfinished: dict[str, str] = {}  # command → text on unfinished work that a change of state discards
         self.pending_rollback: PendingRollback | None = None
         self.cut_off: Mapping[str, Values] = {}  # values being written when the device was cut off, until it is read
+        self._sampled_at = self._sample_s = 0.0  # unix s, its newest sample, and the time since the one before
         self.answer: asyncio.Event = asyncio.Event()  # set when the pending rollback is answered
         self.is_change_confirmed = False
         self._queue: deque[QueuedJob] = deque()
@@ -180,6 +181,7 @@ class DeviceController:
             device=info.serial_number if _is_named(info.protocol) else "" if address is None else str(address),
             settings=self.member.link_session.reading.settings(info.protocol),
             at_rest=self.at_rest,
+            sample_s=self._sample_s,
         )
 
     @property
@@ -407,6 +409,8 @@ class DeviceController:
     def _on_traffic(self, event: Event) -> None:
         self.log.on_received(event)
         if isinstance(event, Batch | Reply):
+            if isinstance(event, Batch):
+                self._sample_s, self._sampled_at = self.bus.now() - self._sampled_at, self.bus.now()
             try:
                 driver = self.driver
             except ControlError:

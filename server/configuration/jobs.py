@@ -29,7 +29,12 @@ from imuscope.protocols.transactions import (
 )
 from imuscope.server.configuration import recovery, run_command, settings_procedures
 from imuscope.server.configuration.budget import overload_error
-from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.device_controller import (
+    UNANSWERED_HINT,
+    DeviceController,
+    JobError,
+    QueuedJob,
+)
 from imuscope.server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
 from imuscope.server.configuration.sensor_check import check_sensor
 from imuscope.server.configuration.settings_reader import SettingsReader
@@ -91,6 +96,9 @@ class Jobs:
 
         async def work(task: QueuedJob) -> None:
             snapshot = await self._reader.read_settings(controller, task, names)
+            if not snapshot.values:
+                why = next(iter(snapshot.missing.values()), "the device reported none")
+                raise JobError(f"No setting could be read: {why}.", UNANSWERED_HINT)
             name = await self._reader.save_snapshot(
                 controller, snapshot, title or "Read from the device", reason, pinned=pinned
             )
@@ -319,10 +327,11 @@ class Jobs:
         titles = ", ".join(rows[one.setting].title or one.setting for one in written)
         data = {"settings": to_json_safe({one.setting: one.requested for one in written}), "snapshot": job.snapshot}
         controller.bus.event(controller.device, "device", "info", f"{titles}: {job.message}", data=data)
-        if refused and not good:
+        if refused:
             if any(one.actual is None and not one.refused for one in written):
-                raise JobError("The device could not be read back.", recovery.AWAY_HINT)
-            raise JobError(f"The device refused: {refused[0].reason}.", "The previous values are unchanged.")
+                raise JobError(job.message if good else "The device could not be read back.", recovery.AWAY_HINT)
+            hint = "The previous values of what was refused are unchanged."
+            raise JobError(job.message if good else f"The device refused: {refused[0].reason}.", hint)
 
     # ── other jobs ───────────────────────────────────────────────────────────────────────────────────────────────────
 

@@ -195,6 +195,11 @@ class RollbackRun:
                 await self._end("rolled-back", "The device refused the change; nothing is different.")
                 return written
             back = await self._read_new_settings()
+            lost = [one for one in written if one.actual is None and not one.refused]
+            if back is not None and any(
+                self._driver.same(one.setting, one.requested, back[one.setting]) for one in lost
+            ):
+                back = None  # it answers, but not every setting was written
         except (NoReplyError, DeviceRejectedError, LinkError) as error:
             self._controller.log.add_note(str(error), error=True)
             back = None

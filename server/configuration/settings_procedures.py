@@ -5,7 +5,8 @@
     outcomes       values that were refused or differ from the request (devices round rates)
 
 If a device stops answering, reading ends after `SILENT_LIMIT` settings without an answer; the rest is reported as not
-read.
+read. Writing ends with the first setting after which the device is not in the state any more in which it is written:
+after a power cut it measures.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from imuscope.protocols.transactions import (
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,
+    DeviceRestartedError,
     NoReplyError,
     Transaction,
     Values,
@@ -57,7 +59,7 @@ def read_settings(
         report: called with a text for each step.
 
     Raises:
-        NoReplyError: the device does not answer at all.
+        NoReplyError: the device does not answer at all, or has restarted.
     """
     report("Identifying the device")
     with suppress(DeviceRejectedError):  # keep the known part
@@ -79,6 +81,8 @@ def read_settings(
         except DeviceRejectedError as error:
             snapshot.missing[row.name] = error.why
             silent = 0
+        except DeviceRestartedError:
+            raise
         except NoReplyError as error:
             if not snapshot.values and silent + 1 >= SILENT_LIMIT:
                 raise
@@ -101,8 +105,12 @@ def write_all(
         held: settings whose values the device reported itself; they are sent unchecked (Driver.write).
     """
     done: list[WriteResult] = []
+    takes_writes = True
     titles = {row.name: row.title or row.name for row in driver.settings(known)}
     for name, values in changes.items():
+        if not takes_writes:
+            done.append(WriteResult(name, values, None, ""))
+            continue
         report(f"Writing {titles.get(name, name)}")
         try:
             done.append((yield from driver.write(name, values, known, held=name in held)))
@@ -111,6 +119,8 @@ def write_all(
         except NoReplyError as error:
             done.append(WriteResult(name, values, None, ""))
             report(str(error))
+            is_over = isinstance(error, DeviceRestartedError)
+            takes_writes = not is_over and (yield from driver.takes_writes(known))
     return done
 
 

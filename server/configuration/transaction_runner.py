@@ -35,6 +35,7 @@ T = TypeVar("T")
 
 MAX_EVENTS = 4096  # events stored for the next WaitFor
 FINAL_STEPS_S = 2.0  # for the final steps of a stopped transaction
+CONFIRM_S = 0.5  # for the answer to them
 
 
 class TransactionPort(Protocol):
@@ -65,6 +66,7 @@ class Runner:
     Args:
         watcher: receives every sent frame and every event that answered.
         put_back: stores the frames that put the device back if the transaction does not; none: it is back.
+        confirms: whether an event shows that the device has carried out such a frame.
         patience: factor of the time that the answer to a request has. A simulator on a busy machine answers late.
     """
 
@@ -74,9 +76,10 @@ class Runner:
         watcher: TrafficListener,
         patience: float = 1.0,
         put_back: Callable[[Sequence[bytes]], Awaitable[None]] | None = None,
+        confirms: Callable[[bytes, Event], bool] = lambda frame, event: False,
     ) -> None:
         self._channel = channel
-        self._put_back = put_back
+        self._put_back, self._confirms = put_back, confirms
         self._owed: tuple[bytes, ...] = ()  # frames that put the device back
         self._patience = patience
         self._watcher = watcher
@@ -217,8 +220,9 @@ class Runner:
 
     async def _final_steps(self, transaction: Transaction[Any]) -> None:
         """Run the final steps of a transaction, as far as the link still accepts them. One that is stopped while it
-        puts the device back has none: its frames are sent.
+        puts the device back has none: its frames are sent. It is back when it has confirmed them.
         """
+        self._received.clear()
         for act in cancel(transaction) or [Send(frame) for frame in self._owed]:
             try:
                 async with asyncio.timeout(FINAL_STEPS_S):
@@ -226,7 +230,14 @@ class Runner:
             except (LinkError, TimeoutError) as error:
                 log.warning("the final steps of a stopped transaction failed: %s", error)
                 return
-        await self._do(PutBack())
+        left = set(self._owed)
+
+        def match(event: Event) -> bool | None:
+            left.difference_update({frame for frame in left if self._confirms(frame, event)})
+            return None if left else True
+
+        if left and await self._wait_for(WaitFor(match, CONFIRM_S, "the device back", is_answer=True)):
+            await self._do(PutBack())  # else they stay owed
 
 
 class TransactionPosition:

@@ -260,7 +260,8 @@ class Session:
         self._identification.restart()
         if protocol := self._pipeline.known_protocol or (self.info.protocol if same and self.devices.others else ""):
             self._pipeline.begin(protocol)
-        message = f"{self._link.source} is open, no data yet."
+        owed = self._link.owed
+        message = f"{self._link.source} is open, no data yet.{f' {owed.words}' if owed is not None else ''}"
         self._set(is_open=True, message=message, hint="", baud=self._link.baud, notices=self._notices)
 
     def _explain(self, error: LinkError) -> float | None:

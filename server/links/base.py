@@ -97,6 +97,19 @@ class LinkError(DomainError):
 
 
 @dataclass(frozen=True, slots=True)
+class OwedFrames:
+    """Frames are owed to a device that was stopped: it may be silent because of that.
+
+    Args:
+        baud: the rate at which it was left; None if its link has none.
+        words: why it is silent, a sentence.
+    """
+
+    baud: int | None
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class ScanWindows:
     """Listening times at each rate, in the search for the rate of a device, s. Tests pass shorter ones.
 
@@ -167,6 +180,7 @@ class Link(ABC):
         detects_baud: `open` tries each rate until a protocol is detected.
         protocol: protocol of its bytes, if the link determines it; "" otherwise.
         preamble: bytes that a decoder, or a recording, needs before those that it receives from now on.
+        owed: what is owed to the device; the search for its rate ends at that rate if it is silent there.
     """
 
     kind: str
@@ -182,6 +196,7 @@ class Link(ABC):
         self.speed = 1.0
         self.protocol = ""
         self.preamble = b""
+        self.owed: OwedFrames | None = None
 
     @property
     def waits(self) -> bool:

@@ -12,6 +12,10 @@ A slow device (1 Hz) may be silent for a whole window, so if the first round rec
 listens longer. If some rate received many bytes, the second round covers only the silent rates: a device that starts
 when its port is opened sends nothing for a second. Every attempt is reported. A pseudo-terminal has no rate: its device
 is recognised at the first attempt.
+
+A device that was stopped for a read or a write, when the server was killed, sends nothing at any rate until it gets the
+frames that are owed to it (Link.owed): it is listened to at the rate at which it was left, and if it is silent there,
+that is its rate.
 """
 
 from __future__ import annotations
@@ -21,12 +25,12 @@ import errno
 import os
 import termios
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from imuscope.protocols.registry import PROTOCOLS
-from imuscope.server.links.base import Attempt, LinkError, Progress, ScanWindows
+from imuscope.server.links.base import Attempt, LinkError, OwedFrames, Progress, ScanWindows
 from imuscope.server.links.detection_text import DetectionResult, describe_bytes
 from imuscope.server.links.reader_thread import hung_up
 from imuscope.server.links.text import grouped
@@ -59,17 +63,26 @@ class RateProbe:
         return Attempt(what=f"{grouped(self.baud)} Bd", outcome=self.result.words, time=time.time())
 
 
-async def find_baud(port: Any, place: str, progress: Progress | None = None, windows: ScanWindows = WINDOWS) -> int:
+async def find_baud(
+    port: Any,
+    place: str,
+    progress: Progress | None = None,
+    windows: ScanWindows = WINDOWS,
+    owed: Callable[[], OwedFrames | None] = lambda: None,
+) -> int:
     """Detect the rate of the device on an open port, and leave the port at that rate.
 
     Args:
         port: serial.Serial, non-blocking.
         progress: called with each attempt.
+        owed: what is owed to the device now.
 
     Raises:
         LinkError: "refused" if no bytes, or no known protocol, were received at any rate.
         OSError: the port is gone.
     """
+    if (baud := await _owed_rate(port, owed(), progress, windows)) is not None:
+        return baud
     rates = likely_rates()
     probes = await scan(port, rates, progress, windows)
     best = probes[-1]
@@ -77,6 +90,8 @@ async def find_baud(port: Any, place: str, progress: Progress | None = None, win
         return best.baud
     loudest = max(probes, key=lambda one: one.result.size)
     if loudest.result.size == 0:
+        if (baud := await _owed_rate(port, owed(), progress, windows)) is not None:
+            return baud
         raise LinkError(
             "refused",
             f"{place}: 0 B at every rate: is the device powered?",
@@ -88,6 +103,16 @@ async def find_baud(port: Any, place: str, progress: Progress | None = None, win
         f"at any of {len(rates)} rates.",
         "If you know the rate, give it with ?baud= (and bits, parity, stop if they are not 8, none, 1).",
     )
+
+
+async def _owed_rate(port: Any, owed: OwedFrames | None, progress: Progress | None, windows: ScanWindows) -> int | None:
+    """The rate at which frames are owed, if the device is silent or recognised there."""
+    if owed is None or owed.baud is None:
+        return None
+    one = await listen_at(port, owed.baud, windows.first_s)
+    if progress is not None:
+        progress(replace(one.attempt, outcome=f"{one.attempt.outcome}. {owed.words}"))
+    return owed.baud if one.result.recognised or not one.result.size else None
 
 
 async def scan(

@@ -115,7 +115,9 @@ class SerialLink(ThreadedLink):
         self._port = await asyncio.to_thread(open_port, where, self.line)
         self._terminal = pseudo_terminal(where)
         try:
-            self.baud = self.line.baud or await find_baud(self._port, self.place, progress, self.settings.windows)
+            self.baud = self.line.baud or await find_baud(
+                self._port, self.place, progress, self.settings.windows, owed=lambda: self.owed
+            )
         except (OSError, serial.SerialException) as error:
             await self.close()
             raise gone(self.place, error) from None

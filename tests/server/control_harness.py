@@ -130,9 +130,13 @@ async def bench(port: int = 0, *, measuring: bool = False, **faults: int) -> Asy
         measuring: it streams at once; otherwise it starts for half a second first, during which a baud scan that
         begins with the right rate receives nothing there and tries all others.
     """
-    options = SimulatorOptions("xbus", faults=LineFaults(baud=115_200, **faults))
+    baud = faults.pop("baud", 115_200)
+    options = SimulatorOptions("xbus", faults=LineFaults(baud=baud, **faults))
     made = SimulatorThread(
-        lambda start_ns: XbusSimulator("MTi-630", start_ns=start_ns, rate=20, port=port, measuring=measuring), options
+        lambda start_ns: XbusSimulator(
+            "MTi-630", start_ns=start_ns, rate=20, port=port, measuring=measuring, baud=baud
+        ),
+        options,
     )
     made.start()
     try:

@@ -15,11 +15,12 @@ import serial
 
 from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.isb.frames import get_data
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.transactions import DeviceContext, Sleep, Transaction
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server.configuration import put_back, transaction_runner
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.configuration.put_back import IS_BACK, PutBackStore
+from imuscope.server.configuration.put_back import IS_BACK, UNCONFIRMED, WAITING, PutBackStore
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.reader_thread import ThreadedLink
 from imuscope.server.links.simulator import SimulatorThread
@@ -57,7 +58,7 @@ def test_a_read_stores_how_to_measure_again_before_it_interrupts(
     async def check() -> None:
         async with measuring(tmp_path) as (_, here, desk):
 
-            def keep(source: str, device: str, frames: Sequence[bytes]) -> None:
+            def keep(source: str, device: str, frames: Sequence[bytes], baud: int | None = None) -> None:
                 assert (source, device) == (desk.member.info.source, "")
                 sent = [entry.name for entry in desk.log.tail(limit=500)]
                 assert ("GoToConfig" in sent) == (not frames)  # stored before, removed after
@@ -107,12 +108,12 @@ def held(
     """Let the first writing of such frames wait for the second event, as on a slow disk; the first: it has begun."""
     keep, begun, may_write, ended = store.keep, threading.Event(), threading.Event(), threading.Event()
 
-    def slow(source: str, device: str, frames: Sequence[bytes]) -> None:
+    def slow(source: str, device: str, frames: Sequence[bytes], baud: int | None = None) -> None:
         is_held = which(frames) and not begun.is_set()
         if is_held:
             begun.set()
             may_write.wait(PATIENCE_S)
-        keep(source, device, frames)
+        keep(source, device, frames, baud)
         if is_held:
             ended.set()
 
@@ -287,3 +288,64 @@ def test_a_damaged_file_costs_that_device_only(tmp_path: Path) -> None:
 def test_a_disk_that_is_full_does_not_stop_a_read(tmp_path: Path, frames: list[bytes]) -> None:
     (tmp_path / "file").write_text(json.dumps([]))
     PutBackStore(tmp_path / "file").keep("/dev/ttyUSB0", "", frames)
+
+
+async def test_a_device_that_a_kill_stopped_on_a_port_without_a_rate_measures_again(tmp_path: Path) -> None:
+    """It was silent at every rate, so the port was never opened, and nothing owed to it was ever sent."""
+    async with bench(measuring=True, baud=460_800) as there, house(tmp_path, sample_s=0.3) as here:
+        here.desks.put_back.keep(there.slave, "", [GO_TO_MEASUREMENT], 460_800)
+        with serial.Serial(there.slave, 460_800) as port:
+            port.write(GO_TO_CONFIG)
+            await until(lambda: phase(there) == "config", "the config state, as the kill left it")
+        await here.desks.resume()
+        session = here.sessions.at(there.slave)
+        assert session is not None
+        await until(lambda: phase(there) == "measurement", "it measures")
+        await until(lambda: reported(here, IS_BACK), "it is back")
+        await until(lambda: session.info.status == "live", "it is decoded")
+        assert session.info.baud == 460_800
+        assert any(WAITING in one.outcome for one in session.info.attempts)  # why it was silent
+
+
+async def test_a_device_that_does_not_confirm_is_not_said_to_be_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever arrived counted as its answer, so it was said to be back, and was left silent."""
+    monkeypatch.setattr(put_back, "LONGEST_S", 0.1)
+    async with measuring(tmp_path, sample_s=0.1) as (there, here, desk):
+        await desk.member.access.send(GO_TO_CONFIG)
+        await until(lambda: desk.state == "Config", "as the kill left it")
+        await desk.put_back.keep([REQ_DID])  # is answered, by DeviceID
+        desk.put_back.transaction_ended()
+        await until(lambda: reported(here, UNCONFIRMED), "it is said")
+        assert not reported(here, IS_BACK)
+        await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
+        assert phase(there) == "config"
+
+
+async def test_a_stopped_job_whose_device_is_not_back_leaves_what_is_owed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last frames of a stopped job were taken for carried out, and the file was removed."""
+    monkeypatch.setattr(transaction_runner, "CONFIRM_S", 0.05)
+    async with measuring(tmp_path) as (there, here, desk):
+        send = desk.member.access.send
+
+        async def lose(data: bytes) -> int:
+            return await send(data) if data != GO_TO_MEASUREMENT else 0
+
+        def never() -> Transaction[None]:
+            yield from desk.driver.within(_waits(), desk.context)
+
+        monkeypatch.setattr(desk.member.access, "send", lose)
+        task = desk.add("Wait", lambda task: desk.run(never()))
+        await until(lambda: phase(there) == "config", "it is interrupted")
+        await desk.drop(task.job.id)
+        assert [one.frames for one in here.desks.put_back.all()] == [(GO_TO_MEASUREMENT.hex(),)]
+        monkeypatch.setattr(desk.member.access, "send", send)
+        await until(lambda: phase(there) == "measurement", "it measures")
+        await until(lambda: reported(here, IS_BACK), "it is back")
+
+
+def _waits() -> Transaction[None]:
+    yield Sleep(PATIENCE_S)

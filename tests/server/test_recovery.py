@@ -80,3 +80,33 @@ async def test_the_rollback_of_an_absent_device_is_remembered(tmp_path: Path) ->
         assert (await here.read(desk)).state == "done"
         assert desk.values["LocationID"] == {"location_id": 7}
         assert files(tmp_path) == []
+
+
+async def test_a_write_that_a_power_cut_ended_is_not_done_and_writes_no_further(tmp_path: Path) -> None:
+    """It was "done, 1 of 4 settings written", and the others were sent to a device that measured."""
+    changes: dict[str, dict[str, object]] = {
+        **BOTH,
+        "LatLonAlt": {"latitude": 1.0, "longitude": 2.0, "altitude": 3.0},
+        "OptionFlags": {"flags": 0x2080},
+    }
+    async with house(tmp_path, sample_s=0.1) as here:
+        desk = await here.add("sim:xbus?cut=2&rate=20")
+        job = await here.apply(desk, changes)
+        assert job.state == "failed"
+        assert (
+            "stopped answering while it was written. Read back: Location identifier has the new values" in job.message
+        )
+        assert {one.setting for one in job.outcomes} == set(changes) - {"LocationID"}
+        names = [entry.name for entry in desk.log.tail(limit=500)]
+        assert "WakeUp" in names
+        assert "SetLatLonAlt" not in names[names.index("WakeUp") :]
+        assert (await here.apply(desk, changes)).state == "done"
+
+
+async def test_a_read_that_read_nothing_is_not_done(tmp_path: Path) -> None:
+    """It ended "Read all settings, done, 0 settings read"."""
+    async with house(tmp_path) as here:
+        desk = await here.add("sim:xbus?product=MTi-630&rate=20")
+        task = desk.add("Read", here.desks.jobs.read(desk, ["Nothing"], ""))
+        assert (await over(task)).state == "failed"
+        assert "No setting could be read" in task.job.message
