@@ -17,6 +17,7 @@ afterEach(() => {
   vi.useRealTimers();
   vi.unstubAllGlobals();
   vi.restoreAllMocks();
+  if (typeof sessionStorage !== "undefined") sessionStorage.clear();
 });
 
 if (typeof document !== "undefined") {

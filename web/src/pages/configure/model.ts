@@ -8,9 +8,9 @@
  *
  * A draft is dropped when the device has it, and rebased on changes by other users (forms/rebase.ts). Models outlive a change of page,
  * so edits stay. They are for one sensor, known by its serial number: if another one comes to the device's place, they are put aside
- * until it is back, on whichever port. All state of one device is here; modules keep none.
+ * until it is back, on whichever port; a page that is loaded anew has them too, as long as its tab is open. All state of one device is here; modules keep none.
  */
-import { computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
+import { batch, computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { Store } from "../../data/store";
 import { capacityAt, overWords, ratesOf } from "../../forms/budget";
 import { countOf, current, type Drafts, type Present, sameSetting, toApply } from "../../forms/edits";
@@ -116,6 +116,8 @@ export class Model {
   readonly putAside: Signal<{ readonly of: string; readonly count: number } | undefined> = signal(undefined);
 
   readonly asking = new Previews(this);
+  /** Forms that are shown as soon as the values are there: nobody is told "never read" of what was read. */
+  #coming: Forms | undefined;
   /** Of requests for the values: an answer that a later one has overtaken is old. */
   #turn = 0;
   #newest = Promise.resolve();
@@ -131,11 +133,16 @@ export class Model {
     readonly store: Store,
     readonly page: ConfigureState,
   ) {
+    page.models.set(id, this);
     this.jobs = computed(() => store.jobs.value.get(id));
     this.device = computed(() => store.devices.value.find((device) => device.id === id));
     const sensor = computed(() => (this.device.value?.serial_number ? this.device.value.key : ""));
     effect(() => {
       if (sensor.value !== "") untracked(() => this.#serve(sensor.value));
+    });
+    effect(() => {
+      void [this.drafts.value, this.arguments.value, this.reason.value];
+      untracked(() => page.storeEdits());
     });
     const who = computed(() =>
       [
@@ -217,15 +224,16 @@ export class Model {
     for (const key of Object.keys(edits.drafts)) this.asking.request(key);
   }
 
+  /** The edits, with the key of their sensor; undefined if there are none. */
+  get edits(): readonly [sensor: string, Edits] | undefined {
+    const [drafts, args, reason] = [this.drafts.peek(), this.arguments.peek(), this.reason.peek()];
+    if (this.#sensor === "" || Object.keys(drafts).length + Object.keys(args).length === 0) return undefined;
+    return [this.#sensor, { drafts, arguments: args, reason, undo: this.#undo, bases: this.#bases }];
+  }
+
   /** Give the edits away; undefined if there are none. */
   #release(): Edits | undefined {
-    const edits: Edits = {
-      drafts: this.drafts.peek(),
-      arguments: this.arguments.peek(),
-      reason: this.reason.peek(),
-      undo: this.#undo,
-      bases: this.#bases,
-    };
+    const edits = this.edits?.[1];
     this.drafts.value = NONE;
     this.arguments.value = NONE;
     this.reason.value = "";
@@ -237,7 +245,7 @@ export class Model {
     this.applied.value = undefined;
     this.sent.value = {};
     this.#forget(undefined);
-    return Object.keys(edits.drafts).length + Object.keys(edits.arguments).length > 0 ? edits : undefined;
+    return edits;
   }
 
   // ---- from the server
@@ -248,11 +256,11 @@ export class Model {
     if (!forms.ok) return;
     const build = await configureApi.build();
     if (build.ok) this.page.viewOnly.value = build.value.role === "view";
-    const isFirst = this.forms.peek() === undefined;
-    if (!isFirst) this.forms.value = forms.value;
+    this.#coming = forms.value;
+    if (this.forms.peek() !== undefined) this.forms.value = forms.value;
     this.loads.value = this.loads.peek() + 1;
     await this.refresh();
-    if (isFirst) this.forms.value = forms.value; // not before the values: nobody is reported "never read" of what was read
+    this.forms.value = this.#coming;
   }
 
   /** Load present values and snapshots, as in the newest answer. Drafts equal to them are dropped. */
@@ -271,9 +279,12 @@ export class Model {
       if (turn !== this.#turn) return this.#newest;
       if (forms.ok) this.forms.value = forms.value;
     }
-    this.#follow(body.value.values);
-    this.body.value = body.value;
-    this.previews.value = {};
+    batch(() => {
+      this.forms.value ??= this.#coming;
+      if (this.forms.peek() !== undefined) this.#follow(body.value.values);
+      this.body.value = body.value;
+      this.previews.value = {};
+    });
     this.asking.again();
   }
 
@@ -462,7 +473,5 @@ export class Model {
 /** The model of a device on a page; created on first use. */
 export function modelOf(id: string, app: App): Model {
   const page = configureOf(app);
-  const known = page.models.get(id) ?? new Model(id, app.store, page);
-  page.models.set(id, known);
-  return known;
+  return page.models.get(id) ?? new Model(id, app.store, page);
 }

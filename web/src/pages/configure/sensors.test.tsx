@@ -2,7 +2,9 @@
 /** Edits, links and questions are about one sensor, whatever its number in this run and whichever port it is on. */
 import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, test } from "vitest";
+import type { SettingForm, SnapshotBody } from "../../forms/types";
 import { openConfigure, type Opened } from "../../testing/configure-page";
+import { recorded } from "../../testing/recorded";
 import { configureOf } from "./view-state";
 import { type Model, modelOf } from "./model";
 
@@ -40,6 +42,40 @@ test("edits for one sensor are put aside when another one comes, and are back wi
   await waitFor(() => expect(moved.drafts.value).toHaveProperty("OutputConfiguration"));
   expect(moved.writeName).toBe(one.key);
   expect(configureOf(page.app).aside.size).toBe(0);
+});
+
+/** Regression: a reload, or the browser's own after an update, lost every edit without a question. */
+test("edits survive a reload, and what was changed elsewhere meanwhile is said", async () => {
+  const values = recorded("xbus").answers["GET /api/devices/1/values"] as SnapshotBody;
+  const { outputs } = values.values["OutputConfiguration"] as {
+    outputs: readonly { readonly data_identifier: number }[];
+  };
+  const first = await openConfigure("xbus", { place: "OutputConfiguration" });
+  const before = modelOf("1", first.app);
+  await waitFor(() => expect(before.isRead.value).toBe(true));
+  const edited = outputs.map((one) => (one.data_identifier === 0x4020 ? { ...one, output_frequency: 50 } : one));
+  before.edit(before.setting("OutputConfiguration") as SettingForm, ["outputs"], edited);
+  before.reason.value = "slower";
+
+  const again = await openConfigure("xbus", { place: "OutputConfiguration" });
+  const after = modelOf("1", again.app);
+  await waitFor(() => expect(after.counts.value.get("OutputConfiguration")).toBe(1));
+  expect(after.reason.value).toBe("slower");
+  await screen.findByRole("button", { name: "Apply" });
+  expect(after.elsewhere.value).toEqual([]);
+
+  const theirs = outputs.map((one) => (one.data_identifier === 0x4020 ? { ...one, output_frequency: 25 } : one));
+  const now = { ...values, values: { ...values.values, OutputConfiguration: { outputs: theirs } } };
+  const answers = { "GET /api/devices/1/values": now };
+  const changed = modelOf("1", (await openConfigure("xbus", { place: "OutputConfiguration", answers })).app);
+  expect((await screen.findByText("Changed elsewhere")).closest(".band")?.textContent).toContain("25 Hz");
+  expect(changed.counts.value.get("OutputConfiguration")).toBe(1);
+  expect(changed.basesOf(["OutputConfiguration"])).toEqual({ OutputConfiguration: { outputs: theirs } });
+
+  changed.discard();
+  const last = modelOf("1", (await openConfigure("xbus", { place: "OutputConfiguration" })).app);
+  await waitFor(() => expect(last.isRead.value).toBe(true));
+  expect(last.drafts.value).toEqual({});
 });
 
 test("a change is addressed to the sensor, and refused at another one's port", async () => {

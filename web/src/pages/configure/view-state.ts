@@ -20,6 +20,16 @@ export interface Question {
   readonly act: () => void;
 }
 
+const EDITS = "imuscope.edits";
+
+function storedEdits(): Map<string, Edits> {
+  try {
+    return new Map(JSON.parse(sessionStorage.getItem(EDITS) ?? "[]") as [string, Edits][]);
+  } catch {
+    return new Map();
+  }
+}
+
 /** What the models of all devices on one page share; it outlives a change of page. */
 export class ConfigureState {
   /** Whether rarely used settings and fields are shown too. */
@@ -34,7 +44,19 @@ export class ConfigureState {
   /** By device. */
   readonly models = new Map<string, Model>();
   /** Edits for sensors that are not there now, by their key. */
-  readonly aside = new Map<string, Edits>();
+  readonly aside = storedEdits();
+
+  /** Stores all edits for this tab: a page that is loaded anew begins with them. */
+  storeEdits(): void {
+    const own = [...this.models.values()].flatMap(({ edits }) => (edits ? [edits] : []));
+    const all = [...this.aside, ...own].map(([sensor, edits]) => [sensor, { ...edits, undo: [] }]);
+    try {
+      if (all.length > 0) sessionStorage.setItem(EDITS, JSON.stringify(all));
+      else sessionStorage.removeItem(EDITS);
+    } catch {
+      // forbidden or full: the edits stay as long as the page does
+    }
+  }
 
   wrote(device: string): void {
     if (!this.written.peek().has(device)) this.written.value = new Set([...this.written.peek(), device]);
