@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import asyncio
 import platform
+from typing import Literal
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -243,7 +244,7 @@ class ClientFanout:
 
     # ── clients ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def attach(self, queue: SendQueue) -> None:
+    def attach(self, queue: SendQueue, role: Literal["view", "control"] = "control") -> None:
         """Add a client and send it the present state. Samples begin with its `subscribe`."""
         if self._queues:
             self._flush_text()  # so that the present state is not sent twice
@@ -257,7 +258,7 @@ class ClientFanout:
         self._queues.add(queue)
         bus = self._bus
         for message in (
-            wire.Hello(VERSION, bus.now(), platform.node(), bus.run, self._store.history_s, self.capabilities),
+            wire.Hello(VERSION, bus.now(), platform.node(), bus.run, self._store.history_s, self.capabilities, role),
             wire.Devices(list(bus.devices.latest.values())),
             wire.Channels([channel.info for channel in self._store.all]),
             *map(wire.Events, self._log.for_late()),

@@ -21,6 +21,7 @@ class Hello:
     run: str  # changes when the server restarts; the page then discards its channels
     history: float  # seconds kept in memory
     capabilities: Capabilities = field(default_factory=Capabilities)
+    role: Literal["view", "control"] = "control"  # what the token of this client allows
     op: Literal["hello"] = "hello"
 
 

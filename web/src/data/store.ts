@@ -11,7 +11,7 @@
  * from 1 again: data of devices that come back is kept (`Past`), and the new data follows it.
  */
 import { signal, type Signal } from "@preact/signals";
-import { capabilities } from "../wire/capabilities";
+import { capabilities, isViewOnly } from "../wire/capabilities";
 import { localNow } from "../wire/clock";
 import type { SampleFrame } from "../wire/codec";
 import type { FromWorker, ToWorker } from "../wire/worker-messages";
@@ -268,6 +268,7 @@ export class Store {
     switch (text.op) {
       case "hello":
         capabilities.value = text.capabilities;
+        isViewOnly.value = text.role === "view";
         if (!Number.isFinite(this.#uncertainty)) this.#offset = text.server_time - localNow();
         this.problem.value = undefined;
         return;

@@ -193,6 +193,7 @@ export function AddDevice({ begin, address, onClose, onAdded }: Props) {
         <div class="row">
           <Button words={COMMON.cancel} onClick={onClose} />
           <Button
+            changes
             type="submit"
             look="main"
             words={

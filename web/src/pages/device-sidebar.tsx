@@ -37,6 +37,7 @@ export function Rail({ app }: { readonly app: App }) {
         <span>{devices.length}</span>
         <span class="grow" />
         <IconButton
+          changes
           icon="plus"
           label={COMMON.addADevice}
           title={TEXT.addDeviceByAddress}
@@ -63,6 +64,7 @@ export function Rail({ app }: { readonly app: App }) {
         <h3>{TEXT.otherSerialPorts}</h3>
         <span class="grow" />
         <Button
+          changes
           look="small"
           words={scanning.value ? TEXT.listening : TEXT.scan}
           disabled={scanning.value}
@@ -266,7 +268,7 @@ function NameForm({ app, device, close }: Pick<DeviceProps, "app" | "device"> & 
           if (event.key === "Escape") close();
         }}
       />
-      <Button type="submit" look="small edge" words={COMMON.save} />
+      <Button changes type="submit" look="small edge" words={COMMON.save} />
       <Button look="small" words={COMMON.cancel} onClick={close} />
     </form>
   );
@@ -283,7 +285,7 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
     return (
       <div class="actions">
         <span class="grow">{shared > 1 ? TEXT.confirmRemoveLink(shared) : TEXT.confirmRemove(fullName(device))}</span>
-        <Button look="small edge" words={TEXT.remove} onClick={remove} />
+        <Button changes look="small edge" words={TEXT.remove} onClick={remove} />
         <Button look="small" words={COMMON.cancel} onClick={() => (removing.value = undefined)} />
       </div>
     );
@@ -293,18 +295,26 @@ function Acts({ app, device, shared, removing }: DeviceProps) {
       {device.status === "idle" && device.resume && <ResumeButton app={app} device={device} />}
       {device.status !== "live" && !(device.status === "idle" && device.resume) && (
         <Button
+          changes
           look="small edge"
           words={device.status === "ended" ? TEXT.playAgain : TEXT.tryNow}
           onClick={() => void run(app, api.retryDevice(linkOf(device)))}
         />
       )}
-      <Button look="small" words={TEXT.nameDevice} title={TEXT.nameHint} onClick={() => (naming.value = true)} />
+      <Button
+        changes
+        look="small"
+        words={TEXT.nameDevice}
+        title={TEXT.nameHint}
+        onClick={() => (naming.value = true)}
+      />
       {(protocolOf(device.protocol)?.options.length ?? 0) > 0 && (
-        <Button look="small" words={TEXT.reading} onClick={() => askKey(app, device)} />
+        <Button changes look="small" words={TEXT.reading} onClick={() => askKey(app, device)} />
       )}
       <Slot name="deviceActions" with={{ app, device }} />
       <span class="grow" />
       <Button
+        changes
         look="small"
         words={shared > 1 ? TEXT.removeLink : TEXT.remove}
         onClick={() => (removing.value = device.id)}
@@ -345,6 +355,7 @@ function Ghost({ app, port }: { readonly app: App; readonly port: Port }) {
         <b class="ellipsis">{shortSource(port.device)}</b>
         {free ? (
           <Button
+            changes
             look="small edge"
             words={TEXT.connect}
             aria-label={TEXT.connectTo(shortSource(port.device))}

@@ -65,14 +65,15 @@ export function Empty({ app }: Props) {
       )}
       <div class="row">
         <Button
+          changes
           look="main"
           words={scanning.value ? TEXT.scanningPorts : TEXT.scanPorts}
           disabled={scanning.value}
           onClick={() => void scanPorts(app)}
         />
-        <Button look="edge" words={TEXT.addAnAddress} onClick={() => (app.overlay.value = "add")} />
+        <Button changes look="edge" words={TEXT.addAnAddress} onClick={() => (app.overlay.value = "add")} />
         {simulated && (
-          <Button words={TEXT.startASimulator} onClick={() => void connect(app, `sim:${simulated.name}`)} />
+          <Button changes words={TEXT.startASimulator} onClick={() => void connect(app, `sim:${simulated.name}`)} />
         )}
       </div>
     </Card>
@@ -160,14 +161,21 @@ function Choices({ app, device, stop = false }: DeviceProps & { readonly stop?: 
   return (
     <div class="row">
       {!stop && (
-        <Button look="main" words={TEXT.tryNow} onClick={() => void run(app, api.retryDevice(linkOf(device)))} />
+        <Button
+          changes
+          look="main"
+          words={TEXT.tryNow}
+          onClick={() => void run(app, api.retryDevice(linkOf(device)))}
+        />
       )}
       <Button
+        changes
         look="edge"
         words={stop ? COMMON.stop : TEXT.remove}
         onClick={() => void run(app, api.removeDevice(linkOf(device)))}
       />
       <Button
+        changes
         words={device.link === "serial" ? TEXT.setBaudRate : TEXT.addAnotherAddress}
         onClick={() => (app.overlay.value = "add")}
       />
@@ -227,6 +235,7 @@ export function HeldBand({ app, device }: DeviceProps) {
     >
       {!device.resume ? (
         <Button
+          changes
           look="edge"
           words={state === "ended" ? TEXT.playAgain : TEXT.tryNow}
           onClick={() => void run(app, api.retryDevice(linkOf(device)))}
@@ -242,7 +251,7 @@ export function HeldBand({ app, device }: DeviceProps) {
 export function ResumeButton({ app, device }: DeviceProps) {
   const named = writeName(device.id, app.store.devices.value);
   const resume = (): void => void run(app, api.runCommand(named, device.resume));
-  return <Button look="edge" words={COMMON.startMeasuring} title={device.resume} onClick={resume} />;
+  return <Button changes look="edge" words={COMMON.startMeasuring} title={device.resume} onClick={resume} />;
 }
 
 /** The band of a page without its server: the display stays and is marked as old. */

@@ -24,6 +24,7 @@ export function RearmBand({ app }: { readonly app: App }) {
           data-rearm={sender}
         >
           <Button
+            changes
             look="edge"
             words={TEXT.rearm(sender)}
             onClick={() => void run(app, api.rearmDevice(link.id, sender))}
@@ -51,7 +52,7 @@ export function KeyBand({ app }: { readonly app: App }) {
   const title = unverified ? TEXT.shownUnverified : TEXT.keyNeeded;
   return (
     <Band tone="warning" dot="warn" title={title} words={words} data-key="wanted">
-      <Button look="edge" words={TEXT.enterKey} onClick={() => askKey(app, device)} />
+      <Button changes look="edge" words={TEXT.enterKey} onClick={() => askKey(app, device)} />
     </Band>
   );
 }

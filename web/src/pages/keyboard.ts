@@ -1,6 +1,8 @@
 /** Handles keys by the table in ui/keys.ts. */
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
 import type { App } from "./app-state";
+import { VIEW_ONLY } from "../ui/http";
+import { isViewOnly } from "../wire/capabilities";
 import { showsPlots } from "../ui/page-state";
 import { shareLive } from "./share";
 import { askForRecord, beginNote, mark, toggleRecord } from "./record-button";
@@ -26,6 +28,8 @@ export function startKeyboard(app: App): () => void {
     if (action.do === "help") app.overlay.value = "help";
     else if (isRemote(route.value.page))
       return; // other hosts are not recorded from here
+    else if (isViewOnly.value && ["record", "askRecord", "mark", "note"].includes(action.do))
+      app.problem.value = VIEW_ONLY;
     else if (action.do === "record") void toggleRecord(app);
     else if (action.do === "askRecord") askForRecord(app);
     else if (route.value.recording !== undefined)

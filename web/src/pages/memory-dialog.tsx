@@ -112,6 +112,7 @@ export function MemoryDialog({ app, onClose }: Props) {
         <div class="ends">
           <Slot name="memoryActions" with={{ app, disabled: busy.value || links.length === 0 }} />
           <Button
+            changes
             look="edge"
             icon="download"
             words={TEXT.exportFromMemory}
@@ -119,6 +120,7 @@ export function MemoryDialog({ app, onClose }: Props) {
             onClick={() => void whileBusy(exportIt)}
           />
           <Button
+            changes
             look="main"
             words={busy.value ? TEXT.savingFromMemory : TEXT.saveAsRecording}
             disabled={busy.value || links.length === 0 || gone}

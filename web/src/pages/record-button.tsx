@@ -12,6 +12,7 @@ import { IconButton } from "../ui/icon-button";
 import type { RecorderState } from "../wire/types";
 import { type App, perApp, run } from "./app-state";
 import { href, route } from "./route";
+import { isViewOnly } from "../wire/capabilities";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -144,10 +145,18 @@ export function Record({ app }: { readonly app: App }) {
   const state = app.store.recorder.value;
   void app.tick.value;
   if (!state) return null;
+  if (!state.running && isViewOnly.value) {
+    return (
+      <span class="tag view-only" title={COMMON.viewOnlyHint}>
+        {COMMON.viewOnly}
+      </span>
+    );
+  }
   if (!state.running) {
     return (
       <>
         <Button
+          changes
           look="edge record-button"
           aria-label={TEXT.record}
           title={TEXT.recordAllDevices}
@@ -175,6 +184,7 @@ export function Record({ app }: { readonly app: App }) {
         </span>
       )}
       <Button
+        changes
         look="stop-recording"
         aria-label={TEXT.stopRecordingState(time, size.value, size.unit)}
         title={TEXT.stopRecordingTitle(state.title || state.id)}
@@ -188,6 +198,7 @@ export function Record({ app }: { readonly app: App }) {
         </span>
       </Button>
       <IconButton
+        changes
         class={`flag ${said.value && !asking.value ? "just-done" : ""}`}
         icon="flag"
         label={TEXT.addMarker}
@@ -206,6 +217,7 @@ function FromMemory({ app }: { readonly app: App }) {
   if (route.value.page !== "live" || app.store.devices.value.length === 0) return null;
   return (
     <IconButton
+      changes
       icon="down"
       label={TEXT.saveFromMemory}
       class="from-memory"
@@ -269,7 +281,7 @@ function Note({ app, time }: { readonly app: App; readonly time: number }) {
         <span class="visually-hidden">{TEXT.noteAt(clock(time))}</span>
         <input ref={field} maxLength={2000} placeholder={TEXT.noteAt(clock(time))} />
       </label>
-      <Button type="submit" look="main" words={COMMON.save} />
+      <Button changes type="submit" look="main" words={COMMON.save} />
       <IconButton icon="close" label={TEXT.discardNote} onClick={close} />
     </form>
   );

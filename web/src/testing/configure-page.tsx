@@ -31,11 +31,13 @@ interface Options {
   readonly answers?: Answers;
   /** The end of the path whose answers come last. */
   readonly slow?: string;
+  /** The token of the page may only look. */
+  readonly isViewOnly?: boolean;
 }
 
 export async function openConfigure(
   family: Family,
-  { place = "", unread = false, answers = {}, slow = "" }: Options = {},
+  { place = "", unread = false, answers = {}, slow = "", isViewOnly = false }: Options = {},
 ): Promise<Opened> {
   startOver(`#/configure/1/${place}`);
   const known = recorded(family);
@@ -43,7 +45,13 @@ export async function openConfigure(
   const asked = answering(all, slow, keysOf([...known.texts, ...(known.read ?? [])]));
   const app = newApp();
   const { store } = app;
-  feed(store, known, unread ? known.texts : (known.read ?? known.texts));
+  const texts = unread ? known.texts : (known.read ?? known.texts);
+  const role = isViewOnly ? "view" : "control";
+  feed(
+    store,
+    known,
+    texts.map((text) => (text.op === "hello" ? { ...text, role } : text)),
+  );
   render(
     <>
       <ConfigurePage app={app} />

@@ -2,6 +2,8 @@
 import type { Value } from "./plural";
 
 export const COMMON = {
+  viewOnly: "View only",
+  viewOnlyHint: "View only: to change something, open this page with a control token.",
   addADevice: "Add a device",
   cancel: "Cancel",
   sending: "Sending…",

@@ -72,7 +72,6 @@ export const TEXT = {
   formsLoading: "The forms of this device are loading.",
   waitingForProtocol: "Waiting for protocol detection.",
   tryAgain: "Try again",
-  viewOnly: "View only",
   viewTokenHint: "This page was opened with a view token. To change settings, open it with a control token.",
   lastReadValues: "Showing the values last read. Edits are retained until they can be written.",
   restoreCommunication: "Restore communication",

@@ -2,6 +2,7 @@
  * Requests to the server, typed by its OpenAPI document (wire/routes.ts). Every failure is a Problem with words for a person.
  */
 import type { AddDeviceRequest, DecodeOptionsBody, PortInfo, ProblemBody, Routes } from "../wire/routes";
+import { isViewOnly } from "../wire/capabilities";
 import { COMMON } from "../texts/common";
 import { serverRoot } from "./server-place";
 
@@ -77,6 +78,14 @@ export const UNREACHED: HttpProblem = {
   status: 0,
 };
 
+/** Of a key that changes something, pressed by who may only look. */
+export const VIEW_ONLY: HttpProblem = {
+  kind: "view-only",
+  message: COMMON.viewOnly,
+  hint: COMMON.viewOnlyHint,
+  status: 403,
+};
+
 /** Of a server that answers requests, while its WebSocket cannot be opened. */
 export const NO_SOCKET: HttpProblem = {
   kind: "no-websocket",
@@ -109,7 +118,10 @@ export async function respond<R extends Route>(
   } catch {
     return UNREACHED;
   }
-  return answer.ok ? answer : problemOf(parseJson(await answer.text().catch(() => "")), answer.status);
+  if (answer.ok) return answer;
+  const problem = problemOf(parseJson(await answer.text().catch(() => "")), answer.status);
+  if (problem.kind === VIEW_ONLY.kind) isViewOnly.value = true;
+  return problem;
 }
 
 /** The value of a text in JSON; undefined for any other text. */

@@ -1,8 +1,9 @@
 /** A button that shows an icon alone: its label is read aloud, and shown while the pointer is over it. */
 import type { ComponentProps } from "preact";
+import { refusal, type Rights } from "./button";
 import { Icon, type IconName } from "./icons";
 
-interface Props extends Omit<ComponentProps<"button">, "aria-label" | "class" | "icon" | "title" | "type"> {
+interface Props extends Omit<ComponentProps<"button">, "aria-label" | "class" | "icon" | "title" | "type">, Rights {
   readonly icon: IconName;
   readonly label: string;
   /** Shown over it where it says more than the label, its key for example. */
@@ -11,9 +12,16 @@ interface Props extends Omit<ComponentProps<"button">, "aria-label" | "class" | 
   readonly class?: string;
 }
 
-export function IconButton({ icon, label, title = label, class: more = "", ...rest }: Props) {
+export function IconButton({ icon, label, title = label, class: more = "", changes = false, ...rest }: Props) {
   return (
-    <button type="button" class={more ? `btn icon ${more}` : "btn icon"} aria-label={label} title={title} {...rest}>
+    <button
+      type="button"
+      class={more ? `btn icon ${more}` : "btn icon"}
+      aria-label={label}
+      title={title}
+      {...rest}
+      {...refusal(changes)}
+    >
       <Icon name={icon} />
     </button>
   );

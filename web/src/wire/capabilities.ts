@@ -9,6 +9,9 @@ import type { ChannelInfo, DeviceInfo } from "./types";
 /** Nothing is known before the server has greeted. */
 export const capabilities = signal<Capabilities>({ protocols: [], exports: [], links: [], absent: [] });
 
+/** Whether the token of this page may only look: from the greeting, or from a refusal. What would be refused is not offered. */
+export const isViewOnly = signal(false);
+
 const byName = computed(() => new Map(capabilities.value.protocols.map((one) => [one.name, one])));
 
 /** The protocol of that name; undefined where the server has none. */

@@ -394,6 +394,8 @@ export interface Hello {
   /** seconds kept in memory */
   readonly history: number;
   readonly capabilities: Capabilities;
+  /** what the token of this client allows */
+  readonly role: "view" | "control";
   readonly op: "hello";
 }
 

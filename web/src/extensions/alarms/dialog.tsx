@@ -189,11 +189,11 @@ export function AlarmDialog({ app, onClose, over }: Props) {
         />
         {problem.value && <ProblemNote problem={problem.value} />}
         <div class="control-row">
-          <Button type="submit" look="main" words={TEXT.save} disabled={isEmpty || check?.valid === false} />
+          <Button changes type="submit" look="main" words={TEXT.save} disabled={isEmpty || check?.valid === false} />
           <Button words={COMMON.cancel} onClick={onClose} />
           <span class="grow" />
           {draft.id !== undefined && (
-            <Button words={isRemoving.value ? TEXT.confirmRemove : TEXT.remove} onClick={() => void remove()} />
+            <Button changes words={isRemoving.value ? TEXT.confirmRemove : TEXT.remove} onClick={() => void remove()} />
           )}
         </div>
       </form>

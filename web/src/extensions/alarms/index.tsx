@@ -29,7 +29,7 @@ function DeviceTags({ app, device }: DeviceActionProps) {
 function AlarmWhen({ deps, row }: Slots["signalActions"]) {
   if (!canAlarm(row)) return null;
   const open = (): void => openAlarm(deps.open, { expression: alarmCondition(row, reading(deps)), device: row.device });
-  return <Button look="edge" words={TEXT.alarmWhen} onClick={open} />;
+  return <Button changes look="edge" words={TEXT.alarmWhen} onClick={open} />;
 }
 
 function Live({ app, onClose }: LiveDialogProps) {

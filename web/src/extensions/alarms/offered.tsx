@@ -23,7 +23,7 @@ export function OfferedAlarms({ session, deps, said }: CompanionProps) {
         <div class="stored-offer" role="status">
           <p>{TEXT.hasAlarms(offered.value.length, offered.value.map(({ name }) => name).join(", "))}</p>
           <div class="stored-row control-row">
-            <Button look="edge" words={TEXT.addAlarms(offered.value.length)} onClick={() => void add()} />
+            <Button changes look="edge" words={TEXT.addAlarms(offered.value.length)} onClick={() => void add()} />
             <Button look="edge" words={TEXT.notNow} onClick={() => (offered.value = [])} />
           </div>
         </div>

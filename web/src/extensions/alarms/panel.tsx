@@ -59,7 +59,13 @@ function AlarmPanel({ deps, alarms, state }: Props) {
       )}
       {state.problem.value && <ProblemNote problem={state.problem.value} />}
       <div class="alarm-foot control-row">
-        <Button look="small edge alarm-add" icon="plus" words={TEXT.add} onClick={() => openAlarm(deps.open, {})} />
+        <Button
+          changes
+          look="small edge alarm-add"
+          icon="plus"
+          words={TEXT.add}
+          onClick={() => openAlarm(deps.open, {})}
+        />
         {own.length > 0 && <Notices state={state.notices} />}
       </div>
     </>
@@ -108,6 +114,7 @@ function Row({ one, deps, alarms, state }: Props & { readonly one: AlarmOnDevice
       </b>
       {now.raised && now.acknowledged === null && !isAsking && (
         <Button
+          changes
           look="small edge"
           words={TEXT.acknowledge}
           aria-label={TEXT.acknowledgeNamed(alarm.definition.name)}
@@ -167,7 +174,7 @@ function Acknowledge({ one, alarms, state }: Omit<Props, "deps"> & { readonly on
         defaultValue={storedName()}
         ref={(input) => input?.focus()}
       />
-      <Button type="submit" look="small edge" words={TEXT.acknowledge} />
+      <Button changes type="submit" look="small edge" words={TEXT.acknowledge} />
       <Button look="small" words={COMMON.cancel} onClick={() => (state.acknowledging.value = undefined)} />
     </form>
   );

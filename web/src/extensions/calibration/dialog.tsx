@@ -87,7 +87,7 @@ function Choice({ available, start }: ChoiceProps) {
       <ul class="calibration-kinds">
         {available.map(({ kind, title, problem, hint }) => (
           <li key={kind}>
-            <Button look="edge" disabled={problem !== ""} onClick={() => start(kind)}>
+            <Button changes look="edge" disabled={problem !== ""} onClick={() => start(kind)}>
               <b>{title}</b>
               <span>{TEXT.kinds[kind]}</span>
             </Button>
@@ -130,8 +130,8 @@ function Coach({ report, finish, stop }: CoachProps) {
         )}
       </p>
       <div class="calibration-buttons control-row">
-        <Button look="main" words={TEXT.finish} disabled={refusal !== null} onClick={finish} />
-        <Button look="edge" words={TEXT.stop} onClick={stop} />
+        <Button changes look="main" words={TEXT.finish} disabled={refusal !== null} onClick={finish} />
+        <Button changes look="edge" words={TEXT.stop} onClick={stop} />
       </div>
     </>
   );
@@ -179,8 +179,8 @@ function Ended({ report, device, write, again, others }: EndedProps) {
           </span>
         )}
         <span class="grow" />
-        <Button look="edge" words={TEXT.again} onClick={again} />
-        <Button words={TEXT.others} onClick={others} />
+        <Button changes look="edge" words={TEXT.again} onClick={again} />
+        <Button changes words={TEXT.others} onClick={others} />
       </div>
     </>
   );

@@ -10,6 +10,7 @@ function CalibrateButton({ app, device }: DeviceActionProps) {
   if (device.status !== "live") return null;
   return (
     <Button
+      changes
       look="small"
       words={TEXT.calibrate}
       title={TEXT.open}

@@ -42,11 +42,12 @@ export function Write({ device, write, jobs }: Props) {
       <div class="calibration-buttons control-row">
         {asks ? (
           <>
-            <Button look="edge" words={TEXT.proceed} onClick={() => void send(true)} />
+            <Button changes look="edge" words={TEXT.proceed} onClick={() => void send(true)} />
             <Button words={TEXT.cancel} onClick={() => (problem.value = undefined)} />
           </>
         ) : (
           <Button
+            changes
             look="main"
             words={values ? TEXT.write : TEXT.readFirst}
             disabled={isBusy}

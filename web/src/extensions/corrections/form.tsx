@@ -55,18 +55,14 @@ export function CorrectionsForm({ model }: { readonly model: Model }) {
         {kind.value === "ntrip" ? <CasterFields caster={caster} /> : <OtherField source={other} />}
         <div class="correction-row control-row">
           <Button
+            changes
             type="submit"
             look="main"
             words={state.value?.running ? TEXT.restart : TEXT.start}
-            disabled={model.page.viewOnly.value || why !== ""}
+            disabled={why !== ""}
             aria-describedby="rtcm-why"
           />
-          <Button
-            look="edge"
-            words={COMMON.stop}
-            disabled={model.page.viewOnly.value || !state.value?.source}
-            onClick={stop}
-          />
+          <Button changes look="edge" words={COMMON.stop} disabled={!state.value?.source} onClick={stop} />
           <span class="dim" id="rtcm-why">
             {why}
           </span>

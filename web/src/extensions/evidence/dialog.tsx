@@ -112,6 +112,7 @@ export function EvidenceDialog(props: Props) {
         {plots.without.length > 0 && <p class="dim">{TEXT.without(plots.without.join(", "))}</p>}
         {shown && <ProblemNote problem={shown} />}
         <Button
+          changes
           look="main start-export"
           icon="paper"
           words={busy.value ? TEXT.making : TEXT.make}

@@ -41,7 +41,9 @@ function Live({ app, onClose }: LiveDialogProps) {
 
 function NewSignalButton({ deps, isLive, onSaid }: Slots["signalsHead"]) {
   if (!isLive) return null;
-  return <Button look="edge" icon="plus" words={TEXT.newSignal} onClick={() => open(deps, undefined, onSaid)} />;
+  return (
+    <Button changes look="edge" icon="plus" words={TEXT.newSignal} onClick={() => open(deps, undefined, onSaid)} />
+  );
 }
 
 /** What can be done with a computed signal. */
@@ -71,8 +73,8 @@ function Actions({ deps, channel: { device, name }, onSaid }: ActionsProps) {
   return (
     <>
       <span />
-      <Button look="edge" words={TEXT.edit} onClick={() => void edit()} />
-      <Button look="edge" icon="trash" words={TEXT.remove} onClick={() => void remove()} />
+      <Button changes look="edge" words={TEXT.edit} onClick={() => void edit()} />
+      <Button changes look="edge" icon="trash" words={TEXT.remove} onClick={() => void remove()} />
     </>
   );
 }

@@ -117,6 +117,7 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
         </label>
         <p class="mid text-sm">{TEXT.causal}</p>
         <Button
+          changes
           type="submit"
           look="main"
           words={signal ? TEXT.save : TEXT.saveAndPlot}

@@ -78,7 +78,7 @@ function Row({ clock, onUse }: RowProps) {
           </span>
         )}
         {onUse && !clock.is_axis && clock.use !== "" && (
-          <Button look="small edge" words={TEXT.use} title={TEXT.useHint} onClick={() => onUse(clock)} />
+          <Button changes look="small edge" words={TEXT.use} title={TEXT.useHint} onClick={() => onUse(clock)} />
         )}
       </th>
       <td>{clock.unit}</td>

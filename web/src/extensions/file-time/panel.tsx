@@ -65,6 +65,7 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
           )}
           {time.is_table && (
             <Button
+              changes
               look="small edge"
               words={TEXT.readOtherwise}
               title={TEXT.readOtherwiseHint}
@@ -73,6 +74,7 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
           )}
           {time.is_chosen && (
             <Button
+              changes
               look="small edge"
               words={TEXT.automatic}
               title={time.is_table ? TEXT.automaticHint : TEXT.automaticClock}

@@ -82,10 +82,22 @@ export function ReadingDialog({ recording, title, state, onClose, onChosen }: Pr
         <div class="row">
           <span class="grow dim">{TEXT.remembered}</span>
           {state.is_chosen && (
-            <Button look="edge" words={TEXT.automatic} title={TEXT.automaticHint} onClick={() => void choose(true)} />
+            <Button
+              changes
+              look="edge"
+              words={TEXT.automatic}
+              title={TEXT.automaticHint}
+              onClick={() => void choose(true)}
+            />
           )}
           <Button look="edge" words={COMMON.cancel} onClick={onClose} />
-          <Button type="submit" look="main" words={TEXT.readSo} disabled={busy.value || !table || table.about !== ""} />
+          <Button
+            changes
+            type="submit"
+            look="main"
+            words={TEXT.readSo}
+            disabled={busy.value || !table || table.about !== ""}
+          />
         </div>
       </form>
     </Dialog>

@@ -116,6 +116,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
         </p>
         {note}
         <Button
+          changes
           look="small edge"
           words={stored.value === "" ? TEXT.write : TEXT.edit}
           onClick={() => (before.value = stored.peek())}
@@ -160,7 +161,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
         />
         <span class="grow" />
         <Button look="small" words={TEXT.cancel} onClick={cancel} />
-        <Button type="submit" look="small main" words={TEXT.save} />
+        <Button changes type="submit" look="small main" words={TEXT.save} />
       </div>
     </form>
   );

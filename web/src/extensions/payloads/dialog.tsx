@@ -57,6 +57,7 @@ export function PayloadDialog({ app, payload, onClose }: Props) {
         <div class="row">
           <Button words={COMMON.cancel} onClick={onClose} />
           <Button
+            changes
             type="submit"
             look="main"
             words={busy.value ? COMMON.sending : TEXT.useDefinition}

@@ -31,7 +31,8 @@ test("who may only look has nothing to write a profile with", async () => {
   const difference = { ...(same as Difference), rows: [row], changes: { OutputConfiguration: {} } };
   await openConfigure("xbus", {
     place: "compare/~factory",
-    answers: { "GET /api/build": { role: "view" }, "POST /api/devices/1/compare": difference },
+    isViewOnly: true,
+    answers: { "POST /api/devices/1/compare": difference },
   });
   await waitFor(() => expect(find('.rollout tr[data-device="1"]').textContent).toContain("1 value, ticked above"));
   await waitFor(() => expect(button("Apply this profile").disabled).toBe(true));

@@ -20,6 +20,7 @@ import type { ComparisonActionProps, Take } from "../../pages/configure/compare"
 import { madeFor } from "../../pages/app-state";
 import { TableHead } from "../../ui/table-head";
 import "./rollouts.css";
+import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT as CONFIGURE } from "../../texts/configure";
 import { TEXT } from "./texts";
@@ -118,7 +119,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
         <Button
           look="main"
           words={ready.length > 1 ? TEXT.applyToDevices(ready.length) : TEXT.applyProfile}
-          disabled={model.page.viewOnly.value || ready.length === 0}
+          disabled={isViewOnly.value || ready.length === 0}
           onClick={() => ask(model, ready, title, checks.value, results)}
         />
         <span class="dim">{TEXT.rolloutSteps}</span>
@@ -186,7 +187,7 @@ function Row({ model, store, device, check, isTicked, tickAll, tick, results }: 
             aria-label={TEXT.applyToDevice(fullName(device))}
             checked={isOn}
             indeterminate={!isOwn && total > 0 && total < writable.length}
-            disabled={model.page.viewOnly.value || !(isOwn ? isReady(check) : isOffered(check))}
+            disabled={isViewOnly.value || !(isOwn ? isReady(check) : isOffered(check))}
             onChange={() => tickAll(!isOn)}
           />
         </label>
@@ -220,9 +221,9 @@ function Changes({ model, device, check, tick }: ChangesProps) {
         </span>{" "}
         {check.problem.kind === "not-read" && (
           <Button
+            changes
             look="small edge"
             words={TEXT.readDevice(fullName(device))}
-            disabled={model.page.viewOnly.value}
             onClick={() => void model.run(configureApi.read(device.id))}
           />
         )}
@@ -259,7 +260,7 @@ function Changes({ model, device, check, tick }: ChangesProps) {
                       type="checkbox"
                       class="check"
                       checked={row.take}
-                      disabled={model.page.viewOnly.value || against.length > found.blocked.length}
+                      disabled={isViewOnly.value || against.length > found.blocked.length}
                       onChange={({ currentTarget }) => tick(row.key, currentTarget.checked)}
                     />{" "}
                     <span>{TEXT.change(row.title, row.left || CONFIGURE.missing, row.right || CONFIGURE.missing)}</span>

@@ -9,6 +9,7 @@ import { usePolled } from "../../ui/use-polled";
 import { fullName } from "../../wire/device-name";
 import type { MissingTopic, RosState, RosTopic } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
+import { isViewOnly } from "../../wire/capabilities";
 import { TEXT } from "./texts";
 import "./topics.css";
 
@@ -76,6 +77,7 @@ function Topic({ topic, flip }: { readonly topic: RosTopic; readonly flip: State
     <li class="ros-topic">
       <label class="ros-topic-head">
         <input
+          disabled={isViewOnly.value}
           type="checkbox"
           role="switch"
           aria-label={TEXT.publish(topic.name)}

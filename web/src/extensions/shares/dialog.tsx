@@ -75,12 +75,12 @@ function Speaker({ port, state }: { readonly port: SharedPort; readonly state: S
         <span class={`dot ${speaker === "" ? "off" : "live"}`} /> {text}
       </p>
       {configuring && !isAsking.value && (
-        <Button look="small edge" words={TEXT.takeOver} onClick={() => (isAsking.value = true)} />
+        <Button changes look="small edge" words={TEXT.takeOver} onClick={() => (isAsking.value = true)} />
       )}
       {configuring && isAsking.value && (
         <div class="actions" role="group" aria-label={TEXT.takeOver}>
           <span class="grow">{TEXT.takeOverHint(speaker)}</span>
-          <Button look="small edge" words={TEXT.takeOverFrom(speaker)} onClick={takeOver} />
+          <Button changes look="small edge" words={TEXT.takeOverFrom(speaker)} onClick={takeOver} />
           <Button look="small" words={COMMON.cancel} onClick={() => (isAsking.value = false)} />
         </div>
       )}
@@ -125,7 +125,13 @@ function Share({ share, state }: { readonly share: PortShare; readonly state: St
         <b class="mono">{share.name}</b>
         <span class="dim">{share.read_only ? TEXT.readsOnly : ""}</span>
         <span class="grow" />
-        <Button look="small edge" words={TEXT.endShare} aria-label={TEXT.endShareNamed(share.name)} onClick={end} />
+        <Button
+          changes
+          look="small edge"
+          words={TEXT.endShare}
+          aria-label={TEXT.endShareNamed(share.name)}
+          onClick={end}
+        />
       </div>
       {share.clients.length === 0 ? (
         <p class="dim">{TEXT.nobodyConnected}</p>
@@ -160,7 +166,13 @@ function Client({ client, share, state }: ClientProps) {
         <span>{client.waits ? `${access}, ${TEXT.waitsForItsTurn}` : access}</span>
         {client.limited && <span class="tag warn">{TEXT.heldBack}</span>}
         <span class="grow" />
-        <Button look="small" words={TEXT.disconnect} aria-label={TEXT.disconnectNamed(client.name)} onClick={drop} />
+        <Button
+          changes
+          look="small"
+          words={TEXT.disconnect}
+          aria-label={TEXT.disconnectNamed(client.name)}
+          onClick={drop}
+        />
       </div>
       <dl>
         <Figure name={TEXT.toProgram} value={quantity(client.sent)} />
@@ -246,6 +258,7 @@ function AddShare({ state }: { readonly state: State }) {
       </label>
       <div class="row">
         <Button
+          changes
           type="submit"
           look="main"
           words={busy.value ? TEXT.sharing : TEXT.shareNow}

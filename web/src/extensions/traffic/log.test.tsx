@@ -47,7 +47,7 @@ test("bytes by hand are checked, asked about, sent as they are, and found in the
 });
 
 test("who may only look has no bytes to send", async () => {
-  await openConfigure("xbus", { answers: { "GET /api/build": { role: "view" } } });
+  await openConfigure("xbus", { isViewOnly: true });
   await waitFor(() => expect(button("Send hex").disabled).toBe(true));
 });
 

@@ -12,7 +12,6 @@ import type { Model } from "../../pages/configure/model";
 import type { Slots } from "../../extension";
 import { logOf } from "./log-state";
 import { request } from "../../ui/http";
-import { configureOf } from "../../pages/configure/view-state";
 import { COMMON } from "../../texts/common";
 import { TEXT as CONFIGURE } from "../../texts/configure";
 import "./traffic.css";
@@ -28,7 +27,7 @@ interface Wanted {
   readonly direction: Signal<"all" | "tx" | "rx">;
 }
 
-export function TrafficLog({ app, model }: Slots["configureSide"]) {
+export function TrafficLog({ model }: Slots["configureSide"]) {
   const filtering = useSignal(false);
   const byHand = useSignal(false);
   const wanted: Wanted = { text: useSignal(""), direction: useSignal("all") };
@@ -44,9 +43,9 @@ export function TrafficLog({ app, model }: Slots["configureSide"]) {
           onClick={() => (filtering.value = !filtering.value)}
         />
         <Button
+          changes
           words={TEXT.sendHex}
           aria-pressed={byHand.value}
-          disabled={configureOf(app).viewOnly.value}
           onClick={() => (byHand.value = !byHand.value)}
         />
       </div>
@@ -177,9 +176,9 @@ function Entry({ entry, model, opened }: EntryProps) {
         )}
         {open && sent && (
           <Button
+            changes
             look="small edge"
             words={TEXT.sendAgain}
-            disabled={model.page.viewOnly.value}
             onClick={() => void sendBytes(model, entry.hex, entry.name)}
           />
         )}
@@ -239,7 +238,7 @@ function ByHand({ model }: { readonly model: Model }) {
           onInput={(event) => (hex.value = event.currentTarget.value)}
         />
       </label>
-      <Button type="submit" look="edge" words={CONFIGURE.send} disabled={plain === "" || why !== ""} />
+      <Button changes type="submit" look="edge" words={CONFIGURE.send} disabled={plain === "" || why !== ""} />
       <p id="byhand-why" class={why ? "why-not" : "dim"}>
         {why || TEXT.sentUnchanged}
       </p>

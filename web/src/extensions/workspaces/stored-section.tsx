@@ -7,7 +7,7 @@ import { Button } from "../../ui/button";
 import { Select } from "../../ui/choices";
 import type { HttpProblem } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
-import { protocolOf } from "../../wire/capabilities";
+import { protocolOf, isViewOnly } from "../../wire/capabilities";
 import type { WorkspaceList } from "../../wire/routes";
 
 import {
@@ -67,6 +67,7 @@ export function StoredSection({ session, deps }: Props) {
         />
         {name !== undefined && (
           <Button
+            changes
             look="edge"
             words={TEXT.save}
             onClick={() =>
@@ -119,7 +120,7 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
           onInput={(event) => (text.value = event.currentTarget.value)}
         />
       </span>
-      <Button type="submit" look="edge" words={TEXT.saveNew} disabled={text.value.trim() === ""} />
+      <Button changes type="submit" look="edge" words={TEXT.saveNew} disabled={text.value.trim() === ""} />
     </form>
   );
 }
@@ -134,6 +135,7 @@ function Conflict({ session, deps, name, run }: Props & { readonly name: string;
         onClick={() => void run(() => openStored(session, name), TEXT.opened(name))}
       />
       <Button
+        changes
         look="edge"
         words={TEXT.replaceWithMine}
         onClick={() => void run(() => saveAs(session, deps.store.devices.peek(), name, "*"), TEXT.saved(name))}
@@ -175,6 +177,7 @@ function More({ session, deps, list, run, said }: MoreProps) {
         </label>
         {name !== undefined && (
           <Button
+            changes
             look="edge"
             words={TEXT.remove}
             onClick={() => void run(() => removeStored(session), TEXT.deleted(name))}
@@ -184,6 +187,7 @@ function More({ session, deps, list, run, said }: MoreProps) {
       {name !== undefined && family !== "" && (
         <label class="stored-check">
           <input
+            disabled={isViewOnly.value}
             type="checkbox"
             checked={isDefault}
             onChange={() =>

@@ -4,7 +4,6 @@ import type { FormValues } from "../../forms/values";
 import { addressOf, request } from "../../ui/http";
 
 export const configureApi = {
-  build: () => request("GET /api/build"),
   forms: (device: string) => request("GET /api/devices/{device}/forms", { path: { device } }),
   values: (device: string) => request("GET /api/devices/{device}/values", { path: { device } }),
   previewSetting: (device: string, setting: string, values: FormValues) =>

@@ -7,6 +7,7 @@ import { Message } from "../../ui/message";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import type { Model } from "./model";
 import { configureApi } from "./api";
+import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -98,7 +99,7 @@ const tookAll = (job: Job): boolean => job.state === "done" && job.outcomes.leng
 
 /** Writes what was changed; what could harm is asked once more, in the words of the server, which knows it for every way to write. */
 async function apply(model: Model, names: readonly string[], confirmed = false): Promise<void> {
-  if (model.page.viewOnly.value) return;
+  if (isViewOnly.value) return;
   const body = {
     changes: model.changes.value,
     reason: model.reason.value,

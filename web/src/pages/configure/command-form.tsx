@@ -12,6 +12,7 @@ import { configureApi } from "./api";
 import { LooseProblems, Words } from "./setting-form";
 import { JobLine } from "./jobs";
 import { unfinishedOf } from "./view-state";
+import { isViewOnly } from "../../wire/capabilities";
 import { TEXT } from "../../texts/configure";
 
 export function Command({ model, form }: { readonly model: Model; readonly form: CommandForm }) {
@@ -28,7 +29,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
     values: model.argumentsOf(form),
     before: undefined,
     problems,
-    readOnly: model.page.viewOnly.value,
+    readOnly: isViewOnly.value,
     all: model.page.all.value,
     set: (path: Path, value: unknown) => model.fill(form, path, value),
     wrong: (path: Path, why: string | undefined) => model.setWrong(key, path, why),
@@ -39,7 +40,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
   };
   const isWrong = [...model.wrong.value.keys()].some((at) => at.startsWith(`${key}/`));
   const unread = form.writes !== "" && model.present.value[form.writes] === undefined;
-  const blocked = model.page.viewOnly.value
+  const blocked = isViewOnly.value
     ? TEXT.viewOnlyCommand
     : isWrong || problems.length > 0
       ? TEXT.invalidValues

@@ -16,6 +16,7 @@ import { sideRef, type SideName, snapshotTitle } from "./sides";
 import { SnapshotActs } from "./snapshot";
 import { goTo } from "./view-state";
 import { TableHead } from "../../ui/table-head";
+import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -100,7 +101,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
         </p>
       )}
       {difference.value && <Problems found={difference.value} />}
-      {difference.value && <Table found={difference.value} take={take} disabled={model.page.viewOnly.value} />}
+      {difference.value && <Table found={difference.value} take={take} disabled={isViewOnly.value} />}
       {difference.value && (
         <Slot
           key={`${model.id} ${right} ${file?.name ?? ""}`}

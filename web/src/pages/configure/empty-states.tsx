@@ -12,6 +12,7 @@ import { clock } from "../../ui/format";
 import { request } from "../../ui/http";
 import { Message } from "../../ui/message";
 import { usePolled } from "../../ui/use-polled";
+import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
@@ -42,12 +43,7 @@ export function NotRead({ model }: { readonly model: Model }) {
         <JobLine model={model} id={failed.id} />
       )}
       <div class="row">
-        <Button
-          look="main"
-          words={TEXT.readSettings}
-          disabled={model.page.viewOnly.value}
-          onClick={() => readAll(model)}
-        />
+        <Button changes look="main" words={TEXT.readSettings} onClick={() => readAll(model)} />
       </div>
     </Card>
   );
@@ -83,10 +79,10 @@ export function NoForms({ model }: { readonly model: Model }) {
   );
 }
 
-export function ViewOnlyBand({ model }: { readonly model: Model }) {
-  if (!model.page.viewOnly.value) return null;
+export function ViewOnlyBand() {
+  if (!isViewOnly.value) return null;
   return (
-    <Band tone="calm" dot="off" title={TEXT.viewOnly}>
+    <Band tone="calm" dot="off" title={COMMON.viewOnly}>
       <span class="grow">{TEXT.viewTokenHint}</span>
     </Band>
   );
@@ -102,7 +98,7 @@ export function LostBand({ app, model }: { readonly app: App; readonly model: Mo
         <span class="grow">
           <Message text={device.message} /> <Message text={device.hint} />
         </span>
-        {device.resume && !model.page.viewOnly.value && <ResumeButton app={app} device={device} />}
+        {device.resume && <ResumeButton app={app} device={device} />}
       </Band>
     );
   }
@@ -160,9 +156,10 @@ export function SensorBand({ model }: { readonly model: Model }) {
     <Band tone="calm" dot="warn" title={TEXT.notConfirmed} data-key="unconfirmed">
       <span class="grow">{TEXT.mayBeAnother(device.serial_number, clock(device.unconfirmed_since))}</span>
       <Button
+        changes
         look="small edge"
         words={TEXT.readSettings}
-        disabled={model.page.viewOnly.value || Boolean(model.jobs.value?.running)}
+        disabled={Boolean(model.jobs.value?.running)}
         onClick={() => readAll(model)}
       />
     </Band>

@@ -54,6 +54,7 @@ export function StopJob({ model, job }: { readonly model: Model; readonly job: J
   if (job.state === "running" && model.jobs.value?.pending_rollback?.state === "pending") return null; // the banner asks
   return (
     <Button
+      changes
       look="small edge"
       words={job.state === "waiting" ? TEXT.removeFromQueue : COMMON.stop}
       onClick={() => void model.run(configureApi.stop(model.id, job.id))}

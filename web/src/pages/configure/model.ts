@@ -26,13 +26,14 @@ import type {
   SnapshotInfo,
 } from "../../forms/types";
 import { initials, joined, type Path, put, type FormValues, whereOf } from "../../forms/values";
-import { isRefusal, type Outcome, type HttpProblem } from "../../ui/http";
+import type { Outcome, HttpProblem } from "../../ui/http";
 import { fullName, linkName, writeName } from "../../wire/device-name";
 import type { DeviceJobs, DeviceInfo } from "../../wire/types";
 import type { App } from "../app-state";
 import { configureApi } from "./api";
 import { Previews } from "./previews";
 import { type ConfigureState, configureOf } from "./view-state";
+import { isViewOnly } from "../../wire/capabilities";
 import { TEXT } from "../../texts/configure";
 
 const UNDO_KEPT = 100;
@@ -254,8 +255,6 @@ export class Model {
     const forms = await configureApi.forms(this.id);
     this.problem.value = forms.ok ? undefined : forms.problem;
     if (!forms.ok) return;
-    const build = await configureApi.build();
-    if (build.ok) this.page.viewOnly.value = build.value.role === "view";
     this.#coming = forms.value;
     if (this.forms.peek() !== undefined) this.forms.value = forms.value;
     this.loads.value = this.loads.peek() + 1;
@@ -327,7 +326,6 @@ export class Model {
   async run<T>(request: Promise<Outcome<T>>): Promise<T | undefined> {
     const outcome = await request;
     this.problem.value = outcome.ok ? undefined : outcome.problem;
-    if (!outcome.ok && isRefusal(outcome.problem)) this.page.viewOnly.value = true;
     return outcome.ok ? outcome.value : undefined;
   }
 
@@ -442,7 +440,7 @@ export class Model {
   /** Why nothing can be written now; "" if it can. */
   readonly blocked = computed(() => {
     const names = Object.keys(this.changes.value);
-    if (this.page.viewOnly.value) return TEXT.viewOnlyChange;
+    if (isViewOnly.value) return TEXT.viewOnlyChange;
     for (const [key, why] of this.wrong.value) {
       const [owner = "", path = ""] = key.split("/");
       const form = this.setting(owner);

@@ -109,7 +109,7 @@ export function Centre({ model, app }: { readonly model: Model; readonly app: Ap
     <>
       <Budget model={model} />
       <Title app={app} model={model} place={place} />
-      <ViewOnlyBand model={model} />
+      <ViewOnlyBand />
       <SensorBand model={model} />
       <LostBand app={app} model={model} />
       <UnfinishedBand model={model} />
@@ -270,8 +270,9 @@ function Title({ app, model, place }: { readonly app: App; readonly model: Model
 function ReadAgain({ model }: { readonly model: Model }) {
   return (
     <Button
+      changes
       words={TEXT.readAgain}
-      disabled={model.page.viewOnly.value || Boolean(model.jobs.value?.running)}
+      disabled={Boolean(model.jobs.value?.running)}
       title={TEXT.readAllHint}
       onClick={() => readAll(model)}
     />

@@ -23,9 +23,9 @@ export function Restore({ model }: { readonly model: Model }) {
           <b>{TEXT.startStep}</b> {TEXT.restoreCalls}{" "}
           {at !== 1 && (
             <Button
+              changes
               look="small main"
               words={job ? TEXT.startAgain : TEXT.startRestore}
-              disabled={model.page.viewOnly.value}
               onClick={() => void start()}
             />
           )}

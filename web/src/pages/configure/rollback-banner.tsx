@@ -175,15 +175,17 @@ function Asking({ rollback, model, store }: Omit<Props, "dismiss">) {
         {model.problem.value && <ProblemNote problem={model.problem.value} />}
       </div>
       <Button
+        changes
         look="edge"
         words={TEXT.rollBackNow}
-        disabled={model.page.viewOnly.value || offline}
+        disabled={offline}
         onClick={() => answer(configureApi.rollBack)}
       />
       <Button
+        changes
         look="main"
         words={TEXT.confirm}
-        disabled={model.page.viewOnly.value || offline}
+        disabled={offline}
         onClick={() => answer(configureApi.confirm)}
       />
     </section>

@@ -16,6 +16,7 @@ import { makeItFit } from "./fit-rates";
 import { route } from "../route";
 import type { Model } from "./model";
 import { CAUTIONS, pauseOf } from "./view-state";
+import { isViewOnly } from "../../wire/capabilities";
 import { TEXT } from "../../texts/configure";
 
 interface Props {
@@ -122,7 +123,7 @@ export function sheetOf(model: Model, form: SettingForm): FormContext {
     values: model.valuesOf(form),
     before: model.present.value[form.name],
     problems: model.previews.value[form.name]?.problems ?? [],
-    readOnly: !form.writable || model.page.viewOnly.value,
+    readOnly: !form.writable || isViewOnly.value,
     all: model.page.all.value,
     set: (path: Path, value: unknown) => model.edit(form, path, value),
     wrong: (path: Path, why: string | undefined) => model.setWrong(form.name, path, why),
@@ -182,10 +183,11 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
         >
           {form.table && (
             <Button
+              changes
               look="edge small"
               icon="wand"
               words={TEXT.makeFit}
-              disabled={model.page.viewOnly.value || model.capacity(load) === null}
+              disabled={model.capacity(load) === null}
               onClick={() => void makeItFit(model, form)}
             />
           )}

@@ -42,7 +42,7 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
       <a class="btn small edge" href={configureApi.snapshotUrl(model.id, name)} download={`${name}.yaml`}>
         {COMMON.download}
       </a>
-      <Button look="small" words={COMMON.delete} disabled={model.page.viewOnly.value} onClick={ask} />
+      <Button changes look="small" words={COMMON.delete} onClick={ask} />
       {text.value !== undefined && (
         <Dialog title={name} onClose={() => (text.value = undefined)}>
           <pre class="yaml" tabIndex={0}>
@@ -60,9 +60,10 @@ export function KeepButton({ model }: { readonly model: Model }) {
   return (
     <>
       <Button
+        changes
         look="edge"
         words={TEXT.saveAs}
-        disabled={model.page.viewOnly.value || !model.isRead.value}
+        disabled={!model.isRead.value}
         onClick={() => (naming.value = "")}
       />
       {naming.value !== undefined && <Naming model={model} naming={naming} />}

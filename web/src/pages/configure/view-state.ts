@@ -37,8 +37,6 @@ export class ConfigureState {
   /** What is typed into the search field. */
   readonly query = signal("");
   readonly question = signal<Question | undefined>(undefined);
-  /** This token is view-only: reported by the server, or by a refused request. */
-  readonly viewOnly = signal(false);
   /** Devices that this page has written to, or answered for: what becomes of it is told here. */
   readonly written = signal<ReadonlySet<string>>(new Set());
   /** By device. */

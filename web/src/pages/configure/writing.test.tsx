@@ -124,7 +124,8 @@ test("who may only look sees bytes, load and differences, and nothing to write t
   const row = { ...other, left: "50 Hz", right: "100 Hz", left_value: 50, right_value: 100, ...TAKEN };
   const difference = { ...(same as Difference), rows: [row], changes: { OutputConfiguration: {} } };
   const page = await openConfigure("xbus", {
-    answers: { "GET /api/build": { role: "view" }, "POST /api/devices/1/compare": difference },
+    isViewOnly: true,
+    answers: { "POST /api/devices/1/compare": difference },
   });
   await until(".budget-bar");
   await waitFor(() => expect(document.querySelectorAll(".hex-part").length).toBeGreaterThan(5));

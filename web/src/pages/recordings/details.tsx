@@ -28,6 +28,7 @@ import { exportingOf } from "./exporting";
 import { Jobs } from "./export-jobs";
 import { type Library, libraryOf } from "./library-store";
 import { playAsDevice } from "./share-menu";
+import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -40,6 +41,7 @@ export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; 
         <span class="grow" />
         {info.deleted === null && (
           <IconButton
+            changes
             class={info.pinned ? "pinned" : ""}
             icon="pin"
             aria-pressed={info.pinned}
@@ -83,6 +85,7 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         {COMMON.download}
       </a>
       <Button
+        changes
         look="edge"
         icon="share"
         words={TEXT.export}
@@ -91,6 +94,7 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         }
       />
       <Button
+        changes
         look="edge"
         icon="play"
         words={TEXT.playAsDevice}
@@ -98,6 +102,7 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         onClick={() => void playAsDevice(app, info.id, { speed: 1, loop: true, t0: null, t1: null })}
       />
       <Button
+        changes
         look="edge"
         icon="trash"
         words={COMMON.delete}
@@ -113,7 +118,13 @@ function Deleted({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
     <>
       <p class="hint">{TEXT.deletedKeptFor(daysLeft(info.deleted ?? 0, app.store.serverNow()))}</p>
       <div class="actions">
-        <Button look="main" icon="undo" words={TEXT.restore} onClick={() => void libraryOf(app).undelete(info.id)} />
+        <Button
+          changes
+          look="main"
+          icon="undo"
+          words={TEXT.restore}
+          onClick={() => void libraryOf(app).undelete(info.id)}
+        />
       </div>
     </>
   );
@@ -191,6 +202,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
         <span>{COMMON.name}</span>
         <span class="field">
           <input
+            disabled={isViewOnly.value}
             defaultValue={info.title === info.id ? "" : info.title}
             placeholder={recordingTitle(info)}
             maxLength={200}
@@ -202,6 +214,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
         <span>{TEXT.file}</span>
         <span class="field">
           <input
+            disabled={isViewOnly.value}
             key={info.file}
             defaultValue={stem(info.file)}
             maxLength={120}
@@ -213,6 +226,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
       <label>
         <span>{TEXT.notes}</span>
         <textarea
+          disabled={isViewOnly.value}
           rows={3}
           defaultValue={info.notes}
           maxLength={10_000}
@@ -224,6 +238,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
           <span>{TEXT.tags}</span>
           <span class="field">
             <input
+              disabled={isViewOnly.value}
               value={tag.value}
               maxLength={40}
               placeholder={TEXT.addTag}
@@ -234,6 +249,7 @@ function Words({ library, info }: { readonly library: Library; readonly info: Re
         <span class="tags">
           {info.tags.map((word) => (
             <button
+              disabled={isViewOnly.value}
               type="button"
               key={word}
               class="tag outlined"

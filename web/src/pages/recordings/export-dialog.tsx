@@ -111,6 +111,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
         )}
         {!chosen.single && detail && <Channels detail={detail} left={left} />}
         <Button
+          changes
           look="main start-export"
           icon="download"
           words={TEXT.exportAs(chosen.title, size(chosen))}

@@ -46,6 +46,7 @@ function JobRow({ app, job }: { readonly app: App; readonly job: ExportJob }) {
         </a>
       ) : (
         <Button
+          changes
           look="edge"
           words={going ? COMMON.cancel : TEXT.removeFromList}
           onClick={() => void run(app, recordingsApi.cancelExport(job.id))}

@@ -179,6 +179,7 @@ function Tools({ app }: { readonly app: App }) {
       </span>
       <input ref={files} type="file" multiple hidden onChange={take} aria-label={TEXT.filesToAdd} />
       <Button
+        changes
         look="edge"
         icon="upload"
         aria-label={TEXT.addFiles}
@@ -226,7 +227,7 @@ function Gone({ library }: { readonly library: Library }) {
       <b class="ellipsis">{TEXT.recordingDeleted(recordingTitle(deleted))}</b>
       <span class="mid">{TEXT.restorableFor7Days}</span>
       <span class="grow" />
-      <Button look="edge" icon="undo" words={TEXT.undo} onClick={() => void library.undelete(deleted.id)} />
+      <Button changes look="edge" icon="undo" words={TEXT.undo} onClick={() => void library.undelete(deleted.id)} />
       <IconButton icon="close" label={COMMON.close} onClick={() => (gone.value = undefined)} />
     </div>
   );

@@ -23,6 +23,7 @@ export function Markers({ recording }: { readonly recording: OpenRecording }) {
         <span>{markers.length}</span>
         <span class="grow" />
         <IconButton
+          changes
           icon="plus"
           label={TEXT.addMarkerHere}
           title={TEXT.addMarkerHereHint}
@@ -78,7 +79,7 @@ export function MarkerField({ recording }: { readonly recording: OpenRecording }
         <span class="visually-hidden">{TEXT.markerAt(at)}</span>
         <input ref={field} maxLength={2000} placeholder={TEXT.markerAt(at)} />
       </label>
-      <Button type="submit" look="main" words={COMMON.save} />
+      <Button changes type="submit" look="main" words={COMMON.save} />
       <IconButton icon="close" label={TEXT.discardMarker} onClick={() => (placing.value = undefined)} />
     </form>
   );

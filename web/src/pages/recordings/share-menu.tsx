@@ -59,6 +59,7 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
         onClick={() => void copyLink(recording)}
       />
       <Button
+        changes
         look="edge"
         icon="upload"
         words={TEXT.export}
@@ -77,7 +78,7 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
         <Icon name="download" />
         {COMMON.download}
       </a>
-      <Button look="edge" icon="wave" words={TEXT.asDevice} title={TEXT.playLiveHint} onClick={play} />
+      <Button changes look="edge" icon="wave" words={TEXT.asDevice} title={TEXT.playLiveHint} onClick={play} />
     </div>
   );
 }

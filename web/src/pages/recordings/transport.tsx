@@ -51,6 +51,7 @@ export function Transport({ recording }: { readonly recording: OpenRecording }) 
         </span>
       </Button>
       <Button
+        changes
         icon="flag"
         aria-label={COMMON.marker}
         title={TEXT.addMarkerHereHint}

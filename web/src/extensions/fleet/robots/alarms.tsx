@@ -55,7 +55,13 @@ function Row({ alarm: { name, level, state, device, condition, acknowledged_by: 
         {name} <span class="dim">{of && TEXT.alarmOf(of.name || of.product)}</span>
       </span>
       {condition !== "" && state === "raised" ? (
-        <Button look="small edge" words={TEXT.acknowledge} onClick={ask} aria-label={TEXT.acknowledgeAlarm(name)} />
+        <Button
+          changes
+          look="small edge"
+          words={TEXT.acknowledge}
+          onClick={ask}
+          aria-label={TEXT.acknowledgeAlarm(name)}
+        />
       ) : (
         <span class="mid">{by === "" ? TEXT.alarmState(state) : TEXT.acknowledgedBy(by)}</span>
       )}

@@ -52,7 +52,7 @@ export function RemoveRobot({ name, fleet }: { readonly name: string; readonly f
   return (
     <>
       <p class="dim">{TEXT.removeHint}</p>
-      <Button look="edge" words={TEXT.remove} onClick={() => void remove()} />
+      <Button changes look="edge" words={TEXT.remove} onClick={() => void remove()} />
       {problem.value && <ProblemNote problem={problem.value} />}
     </>
   );

@@ -43,7 +43,7 @@ export function GroupRollout({ robot, device, open, isShown }: Props) {
   const found = last.value;
   return (
     <div class="fleet-profile control-row">
-      <Button look="edge" words={TEXT.open} onClick={() => open(undefined)} />
+      <Button changes look="edge" words={TEXT.open} onClick={() => open(undefined)} />
       {found && (
         <Button title={TEXT.show} onClick={() => open(found.id)}>
           <span class={`dot ${found.state === "failed" || found.state === "interrupted" ? "bad" : "off"}`} />{" "}

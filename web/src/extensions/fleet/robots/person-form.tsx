@@ -35,7 +35,7 @@ export function PersonForm({ title, hint = "", send, cancel }: Props) {
         defaultValue={storedName()}
         ref={(input) => input?.focus()}
       />
-      <Button type="submit" look="edge" words={title} />
+      <Button changes type="submit" look="edge" words={title} />
       <Button words={COMMON.cancel} onClick={cancel} />
     </form>
   );

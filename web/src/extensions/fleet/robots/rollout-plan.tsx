@@ -136,6 +136,7 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
       {n > 0 && (
         <div class="ends">
           <Button
+            changes
             look="main"
             words={TEXT.start(n)}
             disabled={isBusy.value}

@@ -62,7 +62,7 @@ export function RolloutProgress({ id }: { readonly id: number }) {
       {isRunning && !isNaming.value && (
         <div class="rollout-stop">
           {found.stopped_by === "" ? (
-            <Button look="edge" words={TEXT.stop} title={TEXT.stopHint} onClick={askToStop} />
+            <Button changes look="edge" words={TEXT.stop} title={TEXT.stopHint} onClick={askToStop} />
           ) : (
             <span class="mid">{TEXT.stopping}</span>
           )}

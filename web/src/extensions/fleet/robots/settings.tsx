@@ -137,8 +137,8 @@ function Profile({ check: { device, profile, read }, robot, send }: ProfileProps
   if (asking.value === undefined) {
     return (
       <div class="fleet-profile control-row">
-        {read !== null && <Button look="edge" words={TEXT.useProfile} onClick={() => (asking.value = "use")} />}
-        {profile && <Button words={TEXT.removeProfile} onClick={() => (asking.value = "remove")} />}
+        {read !== null && <Button changes look="edge" words={TEXT.useProfile} onClick={() => (asking.value = "use")} />}
+        {profile && <Button changes words={TEXT.removeProfile} onClick={() => (asking.value = "remove")} />}
       </div>
     );
   }
