@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import asyncio
 import platform
-from typing import Literal
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from imuscope.server import wire, wire_codec
 from imuscope.server.capabilities import Capabilities
