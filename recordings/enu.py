@@ -53,15 +53,18 @@ def enu_of(lat: Floats, lon: Floats, height: Floats, origin: Origin) -> Floats:
     """
     here = _ecef(np.array([origin.lat]), np.array([origin.lon]), np.array([origin.height]))
     away = _ecef(lat, lon, height) - here
-    phi, lam = np.radians(origin.lat), np.radians(origin.lon)
-    turn = np.array(
-        [
-            [-np.sin(lam), np.cos(lam), 0.0],
-            [-np.sin(phi) * np.cos(lam), -np.sin(phi) * np.sin(lam), np.cos(phi)],
-            [np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam), np.sin(phi)],
-        ]
-    )
-    return np.asarray(away @ turn.T)
+    return np.asarray(away @ enu_turns(np.array([origin.lat]), np.array([origin.lon]))[0].T)
+
+
+def enu_turns(lat: Floats, lon: Floats) -> Floats:
+    """(n, 3, 3) matrices from earth-fixed axes to east, north and up at places, °."""
+    phi, lam = np.radians(lat), np.radians(lon)
+    rows = [
+        [-np.sin(lam), np.cos(lam), np.zeros_like(lam)],
+        [-np.sin(phi) * np.cos(lam), -np.sin(phi) * np.sin(lam), np.cos(phi)],
+        [np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam), np.sin(phi)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def _ecef(lat: Floats, lon: Floats, height: Floats) -> Floats:

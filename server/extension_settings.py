@@ -28,7 +28,8 @@ SHIPPED: Mapping[str, Sequence[str]] = {
     "rerun": ("rerun_connect",),
     "ros2": (
         *("ros2", "ros2_domain", "ros2_router", "ros2_namespace", "ros2_reliability", "ros2_depth"),
-        *("ros2_axes", "ros2_frames", "ros2_map_frame", "ros2_tf"),
+        *("ros2_axes", "ros2_names", "ros2_frames", "ros2_covariances", "ros2_map_frame", "ros2_tf"),
+        "ros2_contract",
     ),
     "shares": ("shares",),
 }

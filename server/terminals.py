@@ -35,9 +35,9 @@ def is_another(place: str, before: tuple[object, int] | None) -> bool:
 
 
 def standing_at(place: str) -> tuple[int, ...] | None:
-    """What a path leads to now, which changes when a port is plugged in or its permissions are set; None: nothing.
+    """Identity of the file at a path, changed when a port is plugged in or its permissions are set; None: no file.
 
-    Asked for every 0.1 s or more often while a port is gone: that costs a few µs, and also sees what a watch of a
+    It is read every 0.1 s or more often while a port is gone: that costs a few µs, and also sees what a watch of a
     folder (inotify) does not: links of udev, folders that are not there yet, and permissions that come after the port.
     """
     try:

@@ -1,11 +1,18 @@
-"""Lasting names of devices: their keys, their ids in later runs, and the names given by users.
+"""Lasting names of devices: their keys, their ids and topics in later runs, and the names given by users.
 
     devices.json    {"next": 3, "ids": {"/dev/ttyUSB0": ["1"], "sim:xbus": ["2"]},
+                     "topics": {"/dev/ttyUSB0": ["imu"], "sim:xbus": ["imu_2"]},
+                     "products": {"1": ["xbus", "MTi-630-8A1G6", "MTi-630"]},
                      "names": {"xbus-0080800006": "left wheel"}}
 
 A sensor is known by its protocol and serial number, and by its source until it has sent one. The id of a device
 is that of its source: it stays the same when the server is started again, whatever the order of its sources, and an id
 is never given to another source. So what a link, a tab or a script holds means the same device, or nothing.
+
+The topic is the name under which programs of others subscribe to a device. It depends on the source without its
+options, and never on what the device turns out to be: a product that is learnt later, or not because the driver of the
+robot was there first, renames nothing. One that a simulator had is free for a real device when the simulator is not
+there.
 
 The file is replaced atomically; unreadable parts count as absent.
 """
@@ -14,7 +21,9 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from collections.abc import Callable, Collection, Mapping
+from itertools import count
 from pathlib import Path
 from typing import TypeVar
 
@@ -31,6 +40,8 @@ MAX_NAME = 60
 MAX_SOURCES = 1000
 MAX_IDS = 64  # of one source: as many devices as can be open
 MAX_NAMES = 10_000
+TOPIC = "imu"
+SIMULATED = ("sim:", "twin:")
 
 
 class DeviceNames:
@@ -45,6 +56,11 @@ class DeviceNames:
         self._next = 1
         self._ids: dict[str, list[str]] = {}
         self._names: dict[str, str] = {}
+        self._topics: dict[str, list[str]] = {}
+        self._configured: Mapping[str, str] = {}
+        self._announced: dict[str, str] = {}  # topics of the devices that are open
+        self._products: dict[str, list[str]] = {}
+        self.moved: dict[str, str] = {}  # topics that devices had in earlier runs, and have no longer
         self._listeners: list[Callable[[], None]] = []
         self._read()
 
@@ -62,6 +78,60 @@ class DeviceNames:
             del self._ids[old]
         self._save()
         return new
+
+    def give_topics(self, topics: Mapping[str, str]) -> None:
+        """Use these topics for sources, named with or without their options."""
+        self._configured = topics
+
+    def topic_of(self, device: str, source: str) -> str:
+        """The topic of a device that is opened."""
+        place = source.partition("?")[0]
+        used = set(self._announced.values())
+        known = self._topics.get(place, [])
+        before = next((one for one in known if one not in used), "")
+        configured = self._configured.get(source) or self._configured.get(place, "")
+        used |= set(self._configured.values())
+        topic = (
+            configured
+            if configured and configured not in self._announced.values()
+            else ""
+            if before in used
+            else before
+        )
+        if not topic:
+            others = [(key, one) for key, topics in self._topics.items() if key != place for one in topics]
+            is_reserved = [not key.startswith(SIMULATED) or place.startswith(SIMULATED) for key, _ in others]
+            used |= {one for (_, one), reserved in zip(others, is_reserved, strict=True) if reserved}
+            topic = next(name for n in count(1) if (name := TOPIC if n == 1 else f"{TOPIC}_{n}") not in used)
+        if topic != before:
+            for topics in self._topics.values():
+                topics[:] = [one for one in topics if one not in (topic, before)]
+            self._topics = {key: topics for key, topics in self._topics.items() if topics and key != place}
+            self._topics[place] = [*[one for one in known if one not in (topic, before)], topic][-MAX_IDS:]
+            for old in [one for one in self._topics if one != place][: max(0, len(self._topics) - MAX_SOURCES)]:
+                del self._topics[old]
+            self._save()
+            if before:
+                self.moved[device] = before
+        self._announced[device] = topic
+        return topic
+
+    def withdraw(self, device: str) -> None:
+        """Note that a device was removed; its topic waits for its source."""
+        self._announced.pop(device, None)
+
+    def identified(self, device: str, protocol: str, product: str, name: str) -> None:
+        """Remember what a device is."""
+        known = [protocol, product, name]
+        if self._products.get(device) != known:
+            self._products.pop(device, None)
+            self._products = dict([*self._products.items(), (device, known)][-MAX_NAMES:])
+            self._save()
+
+    def former(self, device: str) -> tuple[str, str, str]:
+        """Protocol, product and displayed name of a device when it was identified last, in earlier runs too."""
+        protocol, product, name = self._products.get(device, ("", "", ""))
+        return protocol, product, name
 
     def name_of(self, key: str) -> str:
         """The name that users gave a device; "" if none."""
@@ -112,7 +182,8 @@ class DeviceNames:
 
     def _write(self) -> None:
         if self._path is not None:
-            content = {"next": self._next, "ids": self._ids, "names": self._names}
+            content = {"next": self._next, "ids": self._ids, "topics": self._topics, "products": self._products}
+            content["names"] = self._names
             self._path.parent.mkdir(parents=True, exist_ok=True)
             atomic_write.write_atomic(self._path, json.dumps(content, indent=1, ensure_ascii=False))
 
@@ -128,6 +199,15 @@ class DeviceNames:
         for source, ids in _texts(content.get("ids"), list):
             self._ids[source] = [one for one in ids if isinstance(one, str) and one.isascii() and one.isdigit()]
         self._names = dict(_texts(content.get("names"), str))
+        self._topics = {
+            place: [one for one in topics if isinstance(one, str) and re.fullmatch(r"[A-Za-z]\w*", one, re.ASCII)]
+            for place, topics in _texts(content.get("topics"), list)
+        }
+        self._products = {
+            device: about
+            for device, about in _texts(content.get("products"), list)
+            if len(about) == 3 and all(isinstance(one, str) and is_printable(one) for one in about)
+        }
         next_number = content.get("next")
         used = [int(one) for ids in self._ids.values() for one in ids]
         self._ids = {source: ids[:MAX_IDS] for source, ids in self._ids.items()}

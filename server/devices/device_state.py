@@ -42,6 +42,12 @@ class DeviceState:
         title: Callable[[str], str],
         names: DeviceNames | None = None,
     ) -> None:
+        if info.parent and info.topic:
+            address = info.id.removeprefix(f"{info.parent}.").lower()
+            info = replace(info, topic=f"{info.topic}_{re.sub('[^a-z0-9]+', '_', address)}")
+        elif names is not None:  # live
+            info = replace(info, topic=names.topic_of(info.id, info.source))
+        info = replace(info, former_name=names.former(info.id)[2] if names is not None else "")
         self.names = names or DeviceNames(None)
         self.info = info = self._named(replace(info, absent=_absent(info)))
         self.replaced: CallbackList[[str]] = CallbackList()  # called with the serial number of a sensor that is gone
@@ -81,6 +87,8 @@ class DeviceState:
             name=identity.name or self.name(identity.product, known.protocol, identity.fallback_name),
             unconfirmed_since=None if new else known.unconfirmed_since,
         )
+        if self.info.product:
+            self.names.identified(self.info.id, self.info.protocol, self.info.product, self.info.name)
         if before and new and before != new:
             self.replaced.call(before)
 

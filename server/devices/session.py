@@ -128,7 +128,7 @@ class Session:
         self._ticks_since_bytes = 0  # since bytes came last
         self._judged_rejects, self._judge_due = 0, 0.0  # of the last update of the diagnostics, and of the next
         self._backoff = Backoff(*(LOCAL_S if link.local_path else (FIRST_RETRY_S, LAST_RETRY_S)))
-        self._found: tuple[int, ...] | None = None  # at the path of a local port, when it failed
+        self._path_identity: tuple[int, ...] | None = None  # at the path of a local port, when it failed
         self._retry_now = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self.is_closed = False
@@ -158,6 +158,11 @@ class Session:
 
     def start(self) -> None:
         """Start reading in the background; returns at once."""
+        if before := self._state.names.moved.pop(self.info.id, ""):
+            text = (
+                f"{self.info.source} is {self.info.topic} for programs that subscribe to it; before, it was {before}."
+            )
+            self._reporter.report("device", "warning", text)
         self._connection.apply(ConnectionEvent.START)
         self.start_reading()
 
@@ -277,7 +282,7 @@ class Session:
             self._reporter.report("link", "info", error.message, data={"kind": error.kind})
             return None
         self._connection.apply(ConnectionEvent.FAILED)
-        self._found = standing_at(self._link.local_path)
+        self._path_identity = standing_at(self._link.local_path)
         wait = self._backoff.next()
         status = "denied" if error.kind == "denied" else "lost"
         if self.info.status == "connecting" and status == "lost" and self._stats.last_arrival is None:
@@ -423,8 +428,8 @@ class Session:
         if self._connection.is_open:
             self._watch(now)
         elif self._connection.state is ConnectionState.RETRYING and (path := self._link.local_path):
-            found, self._found = self._found, standing_at(path)
-            if self._found not in (None, found):
+            before, self._path_identity = self._path_identity, standing_at(path)
+            if self._path_identity not in (None, before):
                 self.retry()
         silence = self.devices.tick(now, None if self._connection.is_open else self.info)
         if silence is not None:

@@ -170,6 +170,7 @@ class Sessions:
     async def remove(self, device: str) -> None:
         """Close and remove a device by its id; KeyError for an unknown one."""
         await self._sessions.pop(device).close()
+        self.names.withdraw(device)
 
     def get(self, device: str) -> Session:
         """The session of a device, by the id or the key of its link's own device.
@@ -180,7 +181,7 @@ class Sessions:
         return self._sessions[self.id_of(device)]
 
     def id_of(self, device: str) -> str:
-        """The id of a device that is named by its id or its key.
+        """The id of a device that is named by its id, its topic or its key, which is its source before it is known.
 
         Raises:
             KeyError: there is no such device.
@@ -189,7 +190,9 @@ class Sessions:
         infos = self.infos
         if any(info.id == device for info in infos):
             return device
-        ids = [info.id for info in infos if info.key == device]
+        ids = [
+            info.id for info in infos if device in (info.key, info.topic) or (info.source == device and not info.parent)
+        ]
         if len(ids) > 1:
             raise DomainError("which-device", f"{len(ids)} devices are {device}.", f"Name one: {', '.join(ids)}.")
         if not ids:

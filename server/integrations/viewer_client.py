@@ -16,7 +16,10 @@ from typing import IO, Any
 
 from imuscope.recordings.priority import lower_priority
 from imuscope.server.integrations.viewer_process import HEAD, SAMPLES, TEXT
+from imuscope.server.wire import lasting_name
 from imuscope.server.wire_codec import SampleFrame, WireError, decode_samples
+
+NAME_S = 3.0  # for a device to be identified
 
 
 class ViewerClient:
@@ -24,6 +27,8 @@ class ViewerClient:
 
     Attributes:
         devices: as `devices` of server/wire/ has them, in order.
+        announced: the same, each under the name that its topics and frames have for as long as it is there: the one by
+            which it was known NAME_S after it came, or sooner. One that is learnt later renames nothing for others.
         channels: all channels, by id.
         health: latest figures of each device, as in `health` of server/wire/.
         changed: devices or channels have changed since this was last set to False.
@@ -35,6 +40,8 @@ class ViewerClient:
         self._out = out or _own_output()
         self._lock = threading.Lock()
         self.devices: list[Mapping[str, Any]] = []
+        self.announced: list[Mapping[str, Any]] = []
+        self._names: dict[str, tuple[str, float]] = {}  # by id, with the time until which it may change, monotonic, s
         self.channels: dict[int, Mapping[str, Any]] = {}
         self.health: dict[str, Mapping[str, Any]] = {}
         self._dtypes: dict[int, Sequence[str]] = {}
@@ -99,6 +106,8 @@ class ViewerClient:
             if [_known(one) for one in message["devices"]] != [_known(one) for one in self.devices]:
                 self.changed = True
             self.devices = message["devices"]
+            self._names = {one["id"]: self._name_of(one, time.monotonic()) for one in self.devices}
+            self.announced = [{**one, "name": self._names[one["id"]][0]} for one in self.devices]
             there = {one["id"] for one in self.devices}
             for number in [id for id, info in self.channels.items() if info["device"] not in there]:
                 del self.channels[number]
@@ -113,6 +122,13 @@ class ViewerClient:
             self.health = {one["device"]: one for one in message["devices"]}
         elif message["op"] == "events":
             self.on_events(message["events"])
+
+    def _name_of(self, device: Mapping[str, Any], now: float) -> tuple[str, float]:
+        before, until = self._names.get(device["id"], ("", now + NAME_S))
+        if before and now >= until:
+            return before, until
+        product, former = str(device.get("product", "")), str(device.get("former_name", ""))
+        return lasting_name(str(device["name"]), product, former), now if product or former else until
 
 
 def _known(device: Mapping[str, Any]) -> tuple[str, str]:

@@ -107,6 +107,7 @@ class _Device:
             serial_number=about.get("serial_number", ""),
             firmware=about.get("firmware", ""),
             baud=int(about["baud"]) if about.get("baud", "").isdecimal() else None,
+            topic=about.get("topic", ""),
         )
         self.state = DeviceState(sink, info, protocol_set.title)
         self.devices = LinkDevices(sink, self.state, protocol_set.title)

@@ -342,7 +342,7 @@ class Recorder:
     ) -> RecordingSession:
         """Create the writer and what feeds it. Arguments as for `start`; `since`: its first bytes, unix s."""
         received = [session for session in chosen if session.info.last_arrival is not None] or chosen
-        words = words or title or _words([session.info.name for session in received])
+        words = words or title or _words([session.info.lasting_name for session in received])
         self._loop = asyncio.get_running_loop()
         before_s = self._bus.now() - since if since is not None else 0.0
         writer = await asyncio.to_thread(self._new_writer, words, title, path, before_s)

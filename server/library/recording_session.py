@@ -47,7 +47,18 @@ Piece = list[tuple[bytes, int]]
 WAYS: tuple[Direction, ...] = ("rx", "tx")
 MARKER = "Marker"  # text of a marker without one
 RATE_S = 10.0  # averaging time of the rate for `seconds_left`
-METADATA_FIELDS = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
+METADATA_FIELDS = (
+    "name",
+    "source",
+    "link",
+    "protocol",
+    "product",
+    "serial_number",
+    "firmware",
+    "baud",
+    "protection",
+    "topic",
+)
 
 
 class RecordingSession:

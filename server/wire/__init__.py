@@ -97,6 +97,7 @@ from imuscope.server.wire.devices import (
     RequiredAction,
     UnknownPayload,
     key_of,
+    lasting_name,
 )
 from imuscope.server.wire.events import (
     EventInfo,
@@ -192,4 +193,5 @@ __all__ = [
     "UnknownPayload",
     "UnknownPayloads",
     "key_of",
+    "lasting_name",
 ]

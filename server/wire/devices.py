@@ -48,7 +48,14 @@ class DeviceInfo:
     key: str = ""  # names the sensor on any port and in later runs: "xbus-0080800006"; its source if it sent no number
     own_name: str = ""  # given by users, stored with the key; "" if none
     resume: str = ""  # command that makes a device send again that is quiet for a known reason: "GoToMeasurement"
+    topic: str = ""  # name under which others subscribe to it, in later runs too: "imu", "imu_2"; "" of a file
+    former_name: str = ""  # displayed name when it was identified last, before this run; "" if it never was
     unconfirmed_since: float | None = None  # unix seconds at which its link came back: another sensor may be there
+
+    @property
+    def lasting_name(self) -> str:
+        """Its name, see the function."""
+        return lasting_name(self.name, self.product, self.former_name)
 
 
 @dataclass(slots=True)
@@ -126,6 +133,11 @@ class UnknownPayload:
     arrival: float  # of this one, unix seconds
     doc: str = ""
     verified: bool = True
+
+
+def lasting_name(name: str, product: str = "", former_name: str = "") -> str:
+    """The displayed name of a device, or that of earlier runs while it is not identified in this one."""
+    return name if product else former_name or name
 
 
 def key_of(device: DeviceInfo) -> str:

@@ -126,14 +126,14 @@ class FoxgloveBridge:
     def configure(self) -> None:
         """Advertise new channels, remove old ones."""
         with self._lock:
-            unique = device_names(self._client.devices)
+            unique = device_names(self._client.announced)
             infos = {id: info for id, info in self._client.channels.items() if info["device"] in unique}
             names = {id: unique[info["device"]] for id, info in infos.items()}
             for id in [id for id, topics in self._topics.items() if names.get(id) != topics.device]:
                 topics = self._topics.pop(id)
                 self._names_in_use -= set(topics.topics)
                 self._server.withdraw(topics.all)
-            entities = {device.id: device for device in devices_of(self._client.devices, list(infos.values()))}
+            entities = {device.id: device for device in devices_of(self._client.announced, list(infos.values()))}
             for id, info in infos.items():
                 if id not in self._topics:
                     self._topics[id] = self._advertise(names[id], info)
@@ -163,7 +163,7 @@ class FoxgloveBridge:
 
     def events(self, received: list[Mapping[str, Any]]) -> None:
         """Publish each event once."""
-        names = device_names(self._client.devices)
+        names = device_names(self._client.announced)
         for event in received:
             if event["seq"] < self._next_event:
                 continue

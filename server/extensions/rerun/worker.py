@@ -81,7 +81,7 @@ class RerunBatcher:
             if not self._device or info["device"] == self._device:
                 newest[info["device"], info["message"], info["name"]] = info  # replaces an earlier one of that name
         self._infos = {int(info["id"]): info for info in newest.values()}
-        named = [one for one in self._client.devices if not self._device or one["id"] == self._device]
+        named = [one for one in self._client.announced if not self._device or one["id"] == self._device]
         self._devices = {device.id: device for device in devices_of(named, list(self._infos.values()))}
         self._paths = {id: path for id, path in self._paths.items() if id in self._devices}
         self._words = {place: word for place, word in self._words.items() if place[0] in self._infos}

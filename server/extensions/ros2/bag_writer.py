@@ -1,7 +1,8 @@
 """ROS 2 bags: a folder with metadata.yaml and one file, which `ros2 bag`, PlotJuggler, Foxglove and rosbags open.
 
-    /mti_630/imu/data …     the topics of the bridge (messages.py), with its axes, units, frames and covariances
-    /mti_630/clock/DID_IMU  sensor_msgs/msg/TimeReference: the device's own clock at the time of the stamp
+    /imu/imu/data …         the topics of the bridge (messages.py), with its axes, units, frames and covariances; in a
+                            recording without them, below the name of the device: /mti_630/imu/data
+    /imu/clock/DID_IMU      sensor_msgs/msg/TimeReference: the device's own clock at the time of the stamp
     header.stamp            the time axis of the recording
     time of the bag         arrival at the host
 
@@ -28,7 +29,8 @@ from imuscope.recordings.time_units import UNITS
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.extensions.ros2 import type_support
 from imuscope.server.extensions.ros2.key_expressions import name_of, node_names
-from imuscope.server.extensions.ros2.messages import FrameNames, MessageBuilder, builders_of, clock_builder
+from imuscope.server.extensions.ros2.message_builder import FrameNames, MessageBuilder
+from imuscope.server.extensions.ros2.messages import builders_of, clock_builder
 from imuscope.server.extensions.ros2.quantities import HINT, Place, recorded_quantities
 from imuscope.server.wire_codec import SampleFrame
 
@@ -84,7 +86,7 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
 
 
 def _topics(request: ExportRequest, device: Mapping[str, Any]) -> list[tuple[str, MessageBuilder]]:
-    name = node_names(request.columns.manifest["devices"])[device["id"]]
+    name = device.get("topic") or node_names(request.columns.manifest["devices"])[device["id"]]
     frames = FrameNames(name)
     builders = builders_of(
         recorded_quantities(device, request.infos), frames, sensors_of(device["protocol"], device.get("product", ""))

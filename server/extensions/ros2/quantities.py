@@ -43,6 +43,8 @@ _LATITUDE, _LONGITUDE = re.compile("^lat", re.I), re.compile("^lon", re.I)
 _HEIGHT = re.compile("^(alt|height$|h_?ell)", re.I)
 _HORIZONTAL, _VERTICAL = re.compile("^h_?acc", re.I), re.compile("^v_?acc", re.I)
 _FIX = re.compile("^fix_?type$", re.I)
+_SPEED = re.compile("^s_?acc$", re.I)
+_NORTH_EAST_DOWN = tuple(re.compile(f"^vel_?{axis}$", re.I) for axis in "ned")
 _NOT_ITS_OWN = re.compile("base|reference|relative", re.I)
 _RECEIVER = re.compile("gnss|gps", re.I)
 _DATE = ("year", "month", "day", "hour", "min", "sec")
@@ -87,6 +89,16 @@ class GnssPlaces:
 
 
 @dataclass(frozen=True, slots=True)
+class SpeedPlaces:
+    """A velocity against the earth (ENU, NED, NWU or ECEF), and its accuracy, m/s, one standard deviation; None: the
+    device sends none.
+    """
+
+    place: Place
+    accuracy: Place | None
+
+
+@dataclass(frozen=True, slots=True)
 class UtcPlaces:
     """The device's own time: year to second with `nano` ns, or GPS week, time of week and leap seconds."""
 
@@ -113,6 +125,7 @@ class DeviceQuantities:
     field: Place | None = None
     no_field: str = ""
     velocity: Place | None = None
+    speed: SpeedPlaces | None = None
     pressure: Place | None = None
     temperature: Place | None = None
     fix: GnssPlaces | None = None
@@ -125,6 +138,8 @@ class DeviceQuantities:
         places += [self.temperature, self.utc.parts if self.utc else None]
         if self.fix:
             places += [self.fix.place, self.fix.height, self.fix.horizontal, self.fix.vertical, self.fix.fix]
+        if self.speed:
+            places += [self.speed.place, self.speed.accuracy]
         return {place.channel for place in places if place}
 
 
@@ -148,6 +163,7 @@ def quantities_of(device: Mapping[str, Any], channels: Sequence[Info]) -> Device
         field=field,
         no_field=no_field,
         velocity=_velocity(channels),
+        speed=_speed(channels),
         pressure=_scalar(channels, "^pressure|^bar$", "pressure"),
         temperature=_scalar(channels, "^temp|^barTemp$", "temperature"),
         fix=_fix(channels),
@@ -211,6 +227,22 @@ def _velocity(channels: Sequence[Info]) -> Place | None:
     return next(iter(world + body), None)
 
 
+def _speed(channels: Sequence[Info]) -> SpeedPlaces | None:
+    """Of a record with columns for north, east and down, else of a vector; one with an accuracy comes first."""
+    places = []
+    for info in channels:
+        columns = tuple(_column(info, pattern) for pattern in _NORTH_EAST_DOWN)
+        if info["kind"] == "record" and min(columns) >= 0 and info["columns"][columns[0]]["unit"] == "m/s":
+            places.append(Place(int(info["id"]), columns, str(info["message"]), 1.0, "NED"))
+    vectors = _vectors(channels, "^velocity$", "velocity")
+    places += [one for one in vectors if one.frame in (*WORLD_FRAMES, "ECEF")]
+    speeds = []
+    for place in places:
+        same = [info for info in channels if info["message"] == place.message]
+        speeds.append(SpeedPlaces(place, _number(same, _SPEED, "velocity")))
+    return min(speeds, key=lambda one: one.accuracy is None, default=None)
+
+
 def _scalar(channels: Sequence[Info], title: str, quantity: str) -> Place | None:
     """A scalar of that title, or a column of a record with that name."""
     for info in channels:
@@ -255,8 +287,8 @@ def _fix(channels: Sequence[Info]) -> GnssPlaces | None:
     return min(places, key=lambda one: one[0])[1] if places else None
 
 
-def _number(channels: Sequence[Info], pattern: re.Pattern[str]) -> Place | None:
-    """A column of a length, or a scalar of that name."""
+def _number(channels: Sequence[Info], pattern: re.Pattern[str], quantity: str = "length") -> Place | None:
+    """A column of a quantity, or a scalar of that name."""
     for info in channels:
         if info["kind"] == "table":
             continue
@@ -264,8 +296,8 @@ def _number(channels: Sequence[Info], pattern: re.Pattern[str]) -> Place | None:
         if at < 0:
             continue
         unit = str(info["columns"][at]["unit"]) or str(info["unit"])
-        if unit in TO_SI["length"]:
-            return Place(int(info["id"]), (at,), str(info["message"]), TO_SI["length"][unit])
+        if unit in TO_SI[quantity]:
+            return Place(int(info["id"]), (at,), str(info["message"]), TO_SI[quantity][unit])
     return None
 
 

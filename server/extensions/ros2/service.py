@@ -10,7 +10,9 @@ after a crash with growing delays. An absent router is not an error: Zenoh tries
 
 from __future__ import annotations
 
+import asyncio
 import logging
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -19,8 +21,12 @@ from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.server import wire
 from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
+from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.ros2.contract import Contract, read_contract
+from imuscope.server.extensions.ros2.covariances import SensorNoise, noise_of
+from imuscope.server.extensions.ros2.key_expressions import name_of
 from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.extensions.ros2.switches import TopicSwitches
 from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
@@ -31,6 +37,7 @@ from imuscope.server.streaming.telemetry import Telemetry
 MODULE = "imuscope.server.extensions.ros2.worker"
 PER_S = 80.0  # how often samples are passed on: a message is at most 12 ms late
 AGAIN_S, LONGEST_S = 1.0, 60.0
+NAME_S = 3.0  # for a device to be identified before it is announced, if it never was
 STEADY_S = 120.0  # after running this long, the next crash counts as the first
 
 log = logging.getLogger("imuscope.ros2")
@@ -59,15 +66,26 @@ class Ros2:
 
     Args:
         properties: of the sensors of a product, by protocol and product.
+        names: of devices, and what they were when they were identified last.
     """
 
     def __init__(
-        self, telemetry: Telemetry, config: Config, properties: Callable[[str, str], SensorProperties]
+        self,
+        telemetry: Telemetry,
+        config: Config,
+        properties: Callable[[str, str], SensorProperties],
+        names: DeviceNames,
     ) -> None:
         self._bus = telemetry.bus
         self._own = config.of(Ros2Settings)
         self._properties = properties
-        self._known: dict[str, SensorProperties] = {}
+        self._names = names
+        self._came: dict[str, float] = {}  # devices, monotonic, s
+        self._frames: dict[str, str] = {}  # of the devices that are announced: they stay
+        self._sent: dict[str, SensorNoise] = {}  # noise of the devices that this process has announced
+        self._warned: set[str] = set()
+        terms = read_contract(self._own.ros2_contract) if self._own.ros2 and self._own.ros2_contract else []
+        self._contract = Contract(terms, time.monotonic())
         self.process = KeptProcess(
             lambda crashed: ViewerProcess(telemetry.clients, MODULE, self._on_report, crashed, PER_S, draws=False),
             self._serve,
@@ -119,7 +137,7 @@ class Ros2:
         await self.process.close()
 
     def _serve(self) -> None:
-        self._known.clear()
+        self._sent.clear()
         for info in self._bus.devices.latest.values():
             self._on_device(info)
         self.process.send(op="serve", **self._settings())
@@ -136,24 +154,58 @@ class Ros2:
             "reliability": own.ros2_reliability,
             "depth": own.ros2_depth,
             "axes": own.ros2_axes,
-            "frames": dict(own.ros2_frames),
             "map_frame": own.ros2_map_frame,
             "tf": own.ros2_tf,
             "disabled": sorted(self._switches.off),
         }
 
     def _on_device(self, info: wire.DeviceInfo) -> None:
-        """Send the sensors of a device to the worker, once and when it is identified."""
-        properties = self._properties(info.protocol, info.product)
-        if self.process.pid is not None and self._known.get(info.id) != properties:
-            self._known[info.id] = properties
-            self.process.send(op="sensors", device=info.id, noise=asdict(properties))
+        """Announce a device when it is known, in earlier runs too, or has had the time to be."""
+        self._came = {id: since for id, since in self._came.items() if id in self._bus.devices.latest}
+        self._frames = {id: frame for id, frame in self._frames.items() if id in self._bus.devices.latest}
+        if self.process.pid is None:
+            return
+        now = time.monotonic()
+        left = self._came.setdefault(info.id, now) + NAME_S - now
+        protocol, product, name = self._names.former(info.id)
+        if info.product:
+            protocol, product, name = info.protocol, info.product, info.name
+        if info.id not in self._frames and not product and left > 0:
+            asyncio.get_running_loop().call_later(left, self._announce_later, info.id)
+            return
+        self._announce(info, name or info.name, self._properties(protocol or info.protocol, product))
+
+    def _announce_later(self, device: str) -> None:
+        if device in self._bus.devices.latest:
+            self._on_device(self._bus.devices.latest[device])
+
+    def _announce(self, info: wire.DeviceInfo, name: str, properties: SensorProperties) -> None:
+        """Announce a device, once and when its noise is known; its frame stays."""
+        own, keys = self._own, (info.source, info.source.partition("?")[0], info.topic, name)
+        frame = next((own.ros2_frames[key] for key in keys if key in own.ros2_frames), info.topic)
+        noise = noise_of(next((own.ros2_covariances[k] for k in keys if k in own.ros2_covariances), ""), properties)
+        known = self._frames.setdefault(info.id, frame)
+        if frame != known and info.id not in self._warned:
+            self._warned.add(info.id)
+            hint = f'ros2_frames = {{ "{info.source.partition("?")[0]}" = "{frame}" }} names its source.'
+            text = f"ROS 2: the frame of {info.topic} stays {known} until the next start: {name} was learnt too late."
+            self._event("warning", text, {"hint": hint})
+        before = self._sent.get(info.id)
+        if noise == before:
+            return
+        if before is None:
+            for topic in self._switches.adopt(f"{own.ros2_namespace.rstrip('/')}/{name_of(name)}", info.id):
+                self.process.send(op="switch", topic=topic, enabled=False)
+        else:
+            self._event("warning", f"ROS 2: the covariances of {info.topic} are those of {name} from now on.")
+        self._sent[info.id] = noise
+        self.process.send(op="device", id=info.id, frame=known, noise=asdict(noise))
 
     def _on_report(self, words: Mapping[str, Any]) -> None:
         if words["op"] == "state":
             self.state.routers, self.state.peers = words["routers"], int(words["peers"])
-            self.state.topics, self.state.missing = words["topics"], words["missing"]
             self.state.dropped = int(words["dropped"])
+            self._compare(words["topics"], words["missing"])
         elif words["op"] == "router":
             self._on_router(str(words["state"]))
         elif words["op"] == "reopen":
@@ -161,6 +213,15 @@ class Ros2:
         elif words["op"] == "failed":
             self._problem(str(words["why"]), "Give another address with --ros2-router tcp/HOST:PORT.", "error")
             self.process.restart()
+
+    def _compare(self, topics: Sequence[Mapping[str, Any]], missing: Sequence[Mapping[str, Any]]) -> None:
+        """Take over the topics, with what differs from the contract."""
+        for text, is_breach in self._contract.check(topics, time.monotonic()):
+            self._event("error" if is_breach else "info", f"ROS 2 contract: {text}", {"kind": "contract"})
+        broken, names = self._contract.broken, {row["name"] for row in topics}
+        self.state.topics = [{**row, "problem": row["problem"] or broken.get(row["name"], "")} for row in topics]
+        absent = [{"device": "", "topic": one, "reason": broken[one]} for one in broken if one not in names]
+        self.state.missing = [*missing, *absent]
 
     def _on_router(self, state: str) -> None:
         address = self._own.ros2_router
@@ -197,5 +258,6 @@ class Ros2:
 
 def parts(services: Services) -> Iterator[ServicePart]:
     """Long-lived objects, for a server with these services."""
-    service = Ros2(services.telemetry, services.config, sensors_of)
+    services.sessions.names.give_topics(services.config.of(Ros2Settings).ros2_names)
+    service = Ros2(services.telemetry, services.config, sensors_of, services.sessions.names)
     yield ServicePart("ROS 2", service, service.close, service.start)

@@ -13,7 +13,9 @@ from typing import Annotated, Any
 
 from annotated_types import Interval
 
+from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.server.extension_settings import ExtensionSettings
+from imuscope.server.extensions.ros2.covariances import noise_of
 from imuscope.server.setting_types import Form, is_router_address, one_of
 
 VARIABLE = "ROS_DOMAIN_ID"
@@ -61,8 +63,11 @@ class Ros2Settings(ExtensionSettings):
         ros2_domain, ros2_router, ros2_namespace: ROS domain, address of the Zenoh router, namespace of the nodes.
         ros2_reliability, ros2_depth: quality of service of the publishers.
         ros2_axes: "rep103": ENU and FLU; "device": as the device sends them.
-        ros2_frames: frame_id by name of a device, or of its node; otherwise the name of its node.
+        ros2_names: name of the node of a source; otherwise imu, imu_2, … (server/devices/device_names.py).
+        ros2_frames: frame_id by source, by name of the node, or of the product; otherwise the name of the node.
+        ros2_covariances: noise of a device, named as in ros2_frames (covariances.py).
         ros2_map_frame: frame_id of the world.
+        ros2_contract: file with what other nodes rely on (contract.py); "": none.
         ros2_tf: publish the attitude as a transform from that frame to the device's, too.
     """
 
@@ -75,9 +80,12 @@ class Ros2Settings(ExtensionSettings):
     ros2_reliability: Annotated[str, one_of("reliable", "best_effort")] = "reliable"
     ros2_depth: Annotated[int, Interval(ge=1, le=10_000)] = 10
     ros2_axes: Annotated[str, one_of("rep103", "device")] = "rep103"
+    ros2_names: dict[str, str] = field(default_factory=dict)
     ros2_frames: dict[str, str] = field(default_factory=dict)
+    ros2_covariances: dict[str, str] = field(default_factory=dict)
     ros2_map_frame: Annotated[str, Form(_is_frame, "is not the name of a frame, such as imu_link")] = "map"
     ros2_tf: bool = False
+    ros2_contract: str = ""
 
     @classmethod
     def add_options(cls, command: argparse.ArgumentParser) -> None:
@@ -95,6 +103,20 @@ class Ros2Settings(ExtensionSettings):
             settings["ros2_domain"] = usual_domain()
 
     def check(self) -> None:
+        if self.ros2_contract:
+            from imuscope.server.extensions.ros2.contract import read_contract  # which knows names from here
+
+            read_contract(self.ros2_contract)
+        for source, name in self.ros2_names.items():
+            if not NAME.fullmatch(name) or "__" in name or name.endswith("_"):
+                raise ValueError(f"name {name!r} of {source} in ros2_names is not a name of a node such as imu.")
+            if list(self.ros2_names.values()).count(name) > 1:
+                raise ValueError(f"name {name!r} of {source} in ros2_names is that of another source, too.")
+        for name, text in self.ros2_covariances.items():
+            try:
+                noise_of(text, SensorProperties())
+            except ValueError as error:
+                raise ValueError(f"ros2_covariances of {name}: {error}") from None
         for name, frame in self.ros2_frames.items():
             if not _is_frame(frame):
                 raise ValueError(f"frame {frame!r} of {name} in ros2_frames is not a name such as imu_link.")

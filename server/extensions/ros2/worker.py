@@ -1,7 +1,8 @@
 """`python -m imuscope.server.extensions.ros2.worker`: the process in which devices are nodes of ROS 2.
 
     input:   {"op": "serve", settings of Ros2WorkerSettings}     open the session and announce the devices
-             {"op": "sensors", "device": …, values of SensorProperties}
+             {"op": "device", "id": …, "frame": …, "noise": values of SensorNoise}    announce a device: its topics are
+                                                           below its own (DeviceInfo.topic), and stay there
              {"op": "switch", "topic": …, "enabled": …}    announce or withdraw a topic
     output:  {"op": "state", "routers": […], "peers": …, "topics": […]}     once a second, and when topics change
              {"op": "router", "state": "reached" | "lost" | "absent" | "foreign"}
@@ -21,18 +22,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.server.extensions.ros2.covariances import SensorNoise
 from imuscope.server.extensions.ros2.diagnostics import DiagnosticCounts, diagnostics
 from imuscope.server.extensions.ros2.graph import RosGraph, TopicPublisher
-from imuscope.server.extensions.ros2.key_expressions import QosProfile, RosNode, node_names
-from imuscope.server.extensions.ros2.messages import DIAGNOSTICS, FrameNames, MessageBuilder, builders_of
+from imuscope.server.extensions.ros2.key_expressions import QosProfile, RosNode
+from imuscope.server.extensions.ros2.message_builder import FrameNames, MessageBuilder
+from imuscope.server.extensions.ros2.messages import DIAGNOSTICS, builders_of
 from imuscope.server.extensions.ros2.quantities import DeviceQuantities, quantities_of
 from imuscope.server.extensions.ros2.session import ZenohSessionError, is_elsewhere, open_session, router_host
 from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.wire_codec import SampleFrame
 
 TICK_S = 1.0
-NAME_S = 3.0  # time for a device to be identified, before it gets a node under a preliminary name
 ROUTER_S = 4.0  # time for a router to answer, before it is reported as absent
 PROBE_S = 0.5
 DIAGNOSTICS_TOPIC, TRANSFORM_TOPIC = "/diagnostics", "/tf"
@@ -48,7 +49,6 @@ class Ros2WorkerSettings:
     reliability: str = "reliable"
     depth: int = 10
     axes: str = "rep103"
-    frames: Mapping[str, str] = field(default_factory=dict)
     map_frame: str = "map"
     tf: bool = False
     disabled: Sequence[str] = ()
@@ -58,9 +58,8 @@ class Ros2WorkerSettings:
 class DeviceNode:
     """A device as a node: its topics that can be published, and the publishers of those that are enabled."""
 
-    name: str
     node: RosNode
-    noise: SensorProperties
+    about: tuple[str, SensorNoise]
     quantities: DeviceQuantities = field(default_factory=DeviceQuantities)
     builders: dict[str, MessageBuilder] = field(default_factory=dict)
     types: dict[str, str] = field(default_factory=dict)  # of all topics, by full name
@@ -78,9 +77,8 @@ class Ros2Bridge:
         self._graph: RosGraph | None = None
         self._settings = Ros2WorkerSettings("")
         self._nodes: dict[str, DeviceNode] = {}
-        self._noise: dict[str, SensorProperties] = {}
+        self._about: dict[str, tuple[str, SensorNoise]] = {}  # frame and noise of the devices that are announced
         self._disabled: set[str] = set()
-        self._first_seen: dict[str, float] = {}
         self._requested: list[int] = []
         self._has_changed = threading.Event()
         self._router_state = ""
@@ -114,9 +112,9 @@ class Ros2Bridge:
         threading.Thread(target=self._watch_subscribers, daemon=True).start()
         self.configure()
 
-    def sensors(self, device: str, noise: Mapping[str, Any]) -> None:
-        """Set the properties of the sensors of a device."""
-        self._noise[device] = SensorProperties(**noise)
+    def announce(self, device: str, frame: str, noise: Mapping[str, Any]) -> None:
+        """Announce a device, or set its frame and its noise."""
+        self._about[device] = frame, SensorNoise(**noise)
         self.configure()
 
     def switch(self, topic: str, *, enabled: bool) -> None:
@@ -135,12 +133,11 @@ class Ros2Bridge:
             return
         with self._lock:
             before = self._announced()
-            names = self._names()
-            for id in [id for id, one in self._nodes.items() if names.get(id) != one.name]:
+            devices = [one for one in self._client.devices if one["id"] in self._about]
+            for id in set(self._nodes) - {one["id"] for one in devices}:
                 self._remove(id)
-            for device in self._client.devices:
-                if device["id"] in names:
-                    self._update(device, names[device["id"]])
+            for device in devices:
+                self._update(device)
             self._subscribe()
             if self._announced() != before:
                 self._report()
@@ -172,8 +169,6 @@ class Ros2Bridge:
         if self._graph is None:
             self._watch_router(())
             return
-        if any(device["id"] not in self._nodes for device in self._client.devices):
-            self.configure()
         with self._lock:
             self._diagnose()
             self._report()
@@ -190,37 +185,24 @@ class Ros2Bridge:
 
     # ── nodes and topics ─────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _names(self) -> dict[str, str]:
-        """Name of the node of each device that is identified, or has had the time to be."""
-        now = time.monotonic()
-        present, ready = {device["id"] for device in self._client.devices}, set()
-        self._first_seen = {id: since for id, since in self._first_seen.items() if id in present}
-        for device in self._client.devices:
-            since = self._first_seen.setdefault(device["id"], now)
-            if device.get("product") or device["id"] in self._nodes or now - since >= NAME_S:
-                ready.add(device["id"])
-        return {id: name for id, name in node_names(self._client.devices).items() if id in ready}
-
-    def _update(self, device: Mapping[str, Any], name: str) -> None:
+    def _update(self, device: Mapping[str, Any]) -> None:
         assert self._graph is not None
-        settings, id = self._settings, device["id"]
-        noise = self._noise.get(id, SensorProperties())
+        settings, id, about = self._settings, device["id"], self._about[device["id"]]
         node = self._nodes.get(id)
         if node is None:
-            node = self._nodes[id] = DeviceNode(name, self._graph.add_node(settings.namespace, name), noise)
+            node = self._nodes[id] = DeviceNode(self._graph.add_node(settings.namespace, device["topic"]), about)
         channels = [info for info in self._client.channels.values() if info["device"] == id]
         quantities = quantities_of(device, channels)
-        if quantities != node.quantities or noise != node.noise or not node.types:
-            node.quantities, node.noise = quantities, noise
-            frame = settings.frames.get(str(device["name"]), "") or settings.frames.get(name, "") or name
-            frames = FrameNames(frame, settings.map_frame, settings.axes == "rep103")
-            built = builders_of(quantities, frames, noise)
+        if quantities != node.quantities or about != node.about or not node.types:
+            node.quantities, node.about = quantities, about
+            frames = FrameNames(about[0], settings.map_frame, settings.axes == "rep103")
+            built = builders_of(quantities, frames, about[1])
             if not settings.tf:
                 built.pop(TRANSFORM_TOPIC, None)
             node.builders = {self._full(node, topic): builder for topic, builder in built.items()}
             node.types = {topic: builder.type for topic, builder in node.builders.items()}
             node.types[DIAGNOSTICS_TOPIC] = DIAGNOSTICS
-        enabled = {topic for topic in node.types if self._key(node, topic) not in self._disabled}
+        enabled = {topic for topic in node.types if self._key(id, node, topic) not in self._disabled}
         for topic in [topic for topic in node.publishers if topic not in enabled]:
             node.publishers.pop(topic).close()
         for topic in node.types:
@@ -239,10 +221,18 @@ class Ros2Bridge:
         return topic if topic.startswith("/") else f"{node.node.full_name}/{topic}"
 
     @staticmethod
-    def _key(node: DeviceNode, topic: str) -> str:
-        """Name of a topic of a device among all: devices share /tf and /diagnostics."""
-        own = topic.startswith(f"{node.node.full_name}/")
-        return topic if own else f"{topic} {node.node.full_name}"
+    def _key(id: str, node: DeviceNode, topic: str) -> str:
+        """A topic of a device among all, by its id, which its source has in later runs, too."""
+        return f"{id} {topic.removeprefix(f'{node.node.full_name}/')}"
+
+    @staticmethod
+    def _covariances(node: DeviceNode, topic: str) -> list[str]:
+        """The covariances that the messages of a topic have; those that come with each position are not promised."""
+        own, fix = topic.removeprefix(f"{node.node.full_name}/"), node.quantities.fix
+        if own == "gnss/fix" and fix is not None:
+            return ["position"] if fix.horizontal and fix.vertical else []
+        motion = {"twist": ["velocity"], "odometry": ["position", "velocity"]}
+        return motion.get(own) or node.about[1].known(own)
 
     # ── subscribers ──────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -323,13 +313,15 @@ class Ros2Bridge:
                     }
                 topics.append(
                     {
-                        "key": self._key(node, topic),
+                        "key": self._key(id, node, topic),
                         "device": id,
                         "node": node.node.full_name,
                         "name": topic,
                         "type": type,
                         "hash": hash,
                         "enabled": publisher is not None,
+                        "frame": node.builders[topic].frame if topic in node.builders else "",
+                        "covariances": self._covariances(node, topic),
                         **state,
                     }
                 )
@@ -360,8 +352,8 @@ def main() -> None:
         elif isinstance(message, Mapping):
             if message["op"] == "serve":
                 bridge.serve({name: value for name, value in message.items() if name != "op"})
-            elif message["op"] == "sensors":
-                bridge.sensors(message["device"], message["noise"])
+            elif message["op"] == "device":
+                bridge.announce(message["id"], message["frame"], message["noise"])
             else:
                 bridge.switch(message["topic"], enabled=message["enabled"])
         else:

@@ -37,7 +37,7 @@ class FakeServer:
 
 class Told:
     def __init__(self, devices: list[dict[str, Any]], channels: list[dict[str, Any]]) -> None:
-        self.devices, self.channels = devices, {one["id"]: one for one in channels}
+        self.devices, self.announced, self.channels = devices, devices, {one["id"]: one for one in channels}
         self.asked: list[int] = []
 
     def subscribe(self, wanted: list[int]) -> None:

@@ -229,7 +229,7 @@ class RerunMessage:
     """Input and output of a feed's process, without the process."""
 
     def __init__(self, devices: list[Any], channels: dict[int, Any]) -> None:
-        self.devices, self.channels, self.changed = devices, channels, True
+        self.devices, self.announced, self.channels, self.changed = devices, devices, channels, True
         self.batches: list[dict[str, Any]] = []
 
     def send(self, **words: Any) -> None:

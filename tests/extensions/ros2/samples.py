@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
+from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.server.extensions.ros2.message_builder import FrameNames
+from imuscope.server.extensions.ros2.messages import builders_of
+from imuscope.server.extensions.ros2.quantities import quantities_of
 from imuscope.server.wire_codec import SampleFrame
 
 T0 = 1_795_000_000.0
@@ -41,3 +45,34 @@ def frame(channel: int, times: Sequence[float], *columns: Sequence[float], arriv
 
 def xyz(unit: str) -> dict[str, str]:
     return dict.fromkeys("xyz", unit)
+
+
+DEVICE = {"id": "1", "name": "IMU"}
+FRAMES = FrameNames("imu0", "map")
+TURN = info(1, "Rate of turn", xyz("°/s"))
+ACCELERATION = info(2, "Acceleration", xyz("m/s²"))
+QUATERNION = info(
+    3, "Quaternion", dict.fromkeys(("w", "x", "y", "z"), ""), kind="quaternion", frame="ENU from body", message="Q"
+)
+
+
+def built(
+    topic: str,
+    channels: list[dict[str, Any]],
+    *batches: Iterable[SampleFrame],
+    noise: SensorProperties = SensorProperties(),  # noqa: B008 - it is frozen
+    frames: FrameNames = FRAMES,
+) -> list[Any]:
+    """The messages of a topic, from samples that come in these batches."""
+    builder = builders_of(quantities_of(DEVICE, channels), frames, noise)[topic]
+    found = []
+    for batch in batches:
+        samples: dict[int, list[SampleFrame]] = {}
+        for one in batch:
+            samples.setdefault(one.channel, []).append(one)
+        found += [deserialize(data, builder.type) for data in builder.build(samples)]
+    return found
+
+
+def vector(value: Any) -> list[float]:
+    return [value.x, value.y, value.z]

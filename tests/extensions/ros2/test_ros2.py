@@ -33,7 +33,7 @@ from tests.zenoh_router import announced, running_router
 
 OURS = "sim:xbus?product=MTi-680G"
 SLOW = "rate=10"  # where only its presence counts: a simulator takes as much processor time as it has samples
-DATA = "/mti_680g/imu/data"
+DATA = "/imu/imu/data"
 
 
 @pytest.fixture(scope="module")
@@ -103,25 +103,25 @@ def test_a_device_is_a_node_with_publishers(router: zenoh.Session, published: Se
         return {name: row["type"] for name, row in topics_of(published).items()}
 
     # a topic comes with its data, so the graph grows until each of them has been received
-    known = {f"/mti_680g/{name}" for name in ("imu/data", "imu/data_raw", "gnss/fix", "velocity", "time_reference")}
-    known |= {"/mti_680g/pressure", "/mti_680g/temperature", "/diagnostics"}
+    known = {f"/imu/{name}" for name in ("imu/data", "imu/data_raw", "gnss/fix", "velocity", "time_reference")}
+    known |= {"/imu/pressure", "/imu/temperature", "/imu/twist", "/imu/odometry", "/diagnostics"}
     block_until(lambda: set(announced_types(router, 7)) >= known, "all data of the device has come")
     block_until(lambda: listed_types() == announced_types(router, 7), "what is announced is listed")
     entities = [parse_token(token) for token in announced(router, "@ros2_lv/7/**")]
     nodes = [one for one in entities if isinstance(one, RosNode)]
     topics = {one.topic: one for one in entities if isinstance(one, RosEndpoint)}
-    assert [node.full_name for node in nodes] == ["/mti_680g"]
+    assert [node.full_name for node in nodes] == ["/imu"]
     assert {one.kind for one in topics.values()} == {"publisher"}
-    assert set(topics) == known  # without /mti_680g/imu/mag
+    assert set(topics) == known  # without /imu/imu/mag
     (missing,) = state_of(published)["missing"]
-    assert (missing["topic"], "tesla" in missing["reason"]) == ("/mti_680g/imu/mag", True)
+    assert (missing["topic"], "tesla" in missing["reason"]) == ("/imu/imu/mag", True)
 
 
 class WorkerClient:
     """What a publisher knows of a server; the reports of its topics."""
 
     def __init__(self) -> None:
-        self.devices = [{"id": "1", "name": "imu", "protocol": "xbus", "product": "MTi-680G", "serial_number": ""}]
+        self.devices = [{"id": "1", "name": "MTi-680G", "protocol": "xbus", "serial_number": "", "topic": "imu"}]
         self.channels = {1: info(1, "Acceleration", xyz("m/s²"))}
         self.health: dict[str, Any] = {}
         self.listed: list[dict[str, str]] = []
@@ -138,6 +138,7 @@ def test_a_topic_is_listed_as_soon_as_it_is_announced(router: zenoh.Session, por
     client = WorkerClient()
     bridge = Ros2Bridge(client)  # type: ignore[arg-type]
     try:
+        bridge.announce("1", "imu", {})
         bridge.serve({"router": f"tcp/127.0.0.1:{port}", "domain": 8})
         block_until(lambda: client.listed, "the device is announced")
         date = {"year": "", "month": "", "day": "", "hour": "h", "min": "min", "sec": "s", "valid": "", "nano": "ns"}
@@ -167,9 +168,9 @@ def test_messages_have_values_stamps_and_numbers(router: zenoh.Session, publishe
     assert np.array(norms) == pytest.approx(1, abs=1e-6)
     lengths = [np.linalg.norm([a.x, a.y, a.z]) for a in (one.linear_acceleration for one in messages)]
     assert np.mean(lengths) == pytest.approx(9.81, abs=1.5)
-    assert all(message.header.frame_id == "mti_680g" for message in messages)
+    assert all(message.header.frame_id == "imu" for message in messages)
     (status,) = found["/diagnostics"][0][0].status
-    assert status.name == "imuscope: mti_680g"
+    assert status.name == "imuscope: imu"
     assert float({one.key: one.value for one in status.values}["stamp_uncertainty_ms"]) > 0
 
 
@@ -196,7 +197,7 @@ def test_a_topic_can_be_switched_off_and_on(router: zenoh.Session, published: Se
         assert {one["name"]: one["enabled"] for one in answer["topics"]}[DATA] is enabled
 
     def is_announced() -> bool:
-        return any("%mti_680g%imu%data/" in token for token in announced(router))
+        return any("%imu%imu%data/" in token for token in announced(router))
 
     assert is_announced()
     switch(False)
@@ -262,11 +263,11 @@ def test_a_removed_device_leaves_the_graph(tmp_path: Path) -> None:
         running_router(port) as hub,
         ServerProcess(f"sim:idtp?{SLOW}", f"sim:isb?{SLOW}", data=tmp_path, arguments=arguments) as server,
     ):
-        block_until(lambda: has_topic(server, "/imx_5/imu/data"), "both are identified")
-        block_until(lambda: any("idtp" in token for token in announced(hub)), "the first one is announced")
+        block_until(lambda: has_topic(server, "/imu_2/imu/data"), "both are identified")
+        block_until(lambda: any("%imu%imu%" in token for token in announced(hub)), "the first one is announced")
         assert httpx.delete(f"{server.url}/api/devices/1", timeout=PATIENCE_S).status_code == 204
-        block_until(lambda: not any("idtp" in token for token in announced(hub)), "it has left")
-        assert any("imx_5" in token for token in announced(hub))
+        block_until(lambda: not any("%imu%imu%" in token for token in announced(hub)), "it has left")
+        assert any("%imu_2%imu%" in token for token in announced(hub))
 
 
 def test_what_is_no_router_is_told_from_none(tmp_path: Path) -> None:
@@ -293,10 +294,10 @@ def test_namespace_frames_axes_and_transforms_are_settings(tmp_path: Path) -> No
         block_until(lambda: any("%tf/" in token for token in announced(hub)), "the device is announced")
         assert all(token.endswith("/2::,5:,:,:,,") for token in announced(hub) if "/MP/" in token)
         with received(hub, "0/**") as found:
-            block_until(lambda: found["/tf"] and found["/robot/imx_5/imu/data_raw"], "messages come")
+            block_until(lambda: found["/tf"] and found["/robot/imu/imu/data_raw"], "messages come")
     (transform,) = found["/tf"][-1][0].transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "imu_link")
-    message = found["/robot/imx_5/imu/data_raw"][-1][0]
+    message = found["/robot/imu/imu/data_raw"][-1][0]
     assert message.header.frame_id == "imu_link"
     assert message.linear_acceleration.z < -7  # as the device sends it: z is down
 

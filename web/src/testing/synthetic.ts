@@ -59,6 +59,8 @@ export const DEVICE: DeviceInfo = {
   key: "",
   own_name: "",
   resume: "",
+  topic: "imu",
+  former_name: "",
   unconfirmed_since: null,
   baud: null,
   message: "",

@@ -154,6 +154,10 @@ export interface DeviceInfo {
   readonly own_name: string;
   /** command that makes a device send again that is quiet for a known reason: "GoToMeasurement" */
   readonly resume: string;
+  /** name under which others subscribe to it, in later runs too: "imu", "imu_2"; "" of a file */
+  readonly topic: string;
+  /** displayed name when it was identified last, before this run; "" if it never was */
+  readonly former_name: string;
   /** unix seconds at which its link came back: another sensor may be there */
   readonly unconfirmed_since: number | null;
 }

@@ -57,7 +57,7 @@ class Holder:
         )
         self._path = str(settings.source.get("place", ""))
         self._backoff = Backoff(*(LOCAL_S if self._path else (FIRST_RETRY_S, LAST_RETRY_S)))
-        self._found: tuple[int, ...] | None = None  # at the path, when the port failed
+        self._path_identity: tuple[int, ...] | None = None  # at the path, when the port failed
         self._error: PortError | None = None
         self._retry_at = 0.0
         self._state_at = 0.0
@@ -134,8 +134,8 @@ class Holder:
 
     def _has_returned(self) -> bool:
         """Whether something stands at the path of the port that did not at the last look."""
-        found, self._found = self._found, standing_at(self._path)
-        if self._found in (None, found):
+        before, self._path_identity = self._path_identity, standing_at(self._path)
+        if self._path_identity in (None, before):
             return False
         self._backoff.reset()
         return True
@@ -166,7 +166,7 @@ class Holder:
 
     def _closed(self, error: PortError) -> None:
         self._error = error
-        self._found = standing_at(self._path)
+        self._path_identity = standing_at(self._path)
         self._retry_at = time.monotonic() + self._backoff.next()
 
     def _on_port(self, event: int) -> None:
