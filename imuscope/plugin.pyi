@@ -82,13 +82,13 @@ from imuscope.recordings.exporters.registry import ExportFormat as ExportFormat
 from imuscope.recordings.exporters.registry import register_exporter as register_exporter
 from imuscope.recordings.exporters.request import ExportRequest as ExportRequest
 from imuscope.recordings.exporters.request import ExportStep as ExportStep
-
-# Readers.
-from imuscope.recordings.mcap_reader import FileDamage as FileDamage
 from imuscope.recordings.mcap_writer import RecordingError as RecordingError
 from imuscope.recordings.readers.registry import FileReader as FileReader
 from imuscope.recordings.readers.registry import OpenRequest as OpenRequest
 from imuscope.recordings.readers.registry import register_reader as register_reader
+
+# Readers.
+from imuscope.recordings.sources import FileDamage as FileDamage
 from imuscope.recordings.tabular import TableRows as TableRows
 from imuscope.recordings.tabular import TableSource as TableSource
 

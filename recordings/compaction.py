@@ -28,13 +28,13 @@ from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapReader
 from imuscope.recordings.mcap_records import message
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
+from imuscope.recordings.own_recordings import TEMPORARY_SUFFIX
 from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 
 MEMORY = 1 << 30  # bytes, of which it takes a tenth: it holds one chunk of a recording at a time
-TEMPORARY_SUFFIX = ".packing"  # suffix of the temporary file beside the other
 
 
 def compact(
@@ -124,17 +124,6 @@ def _runs(rows: Ints) -> Iterator[tuple[int, int]]:
     yield from pairwise([0, *apart.tolist(), rows.shape[1]])
 
 
-def is_uncompacted(path: Path) -> bool:
-    """Whether this is a finished recording that is not compacted yet."""
-    if file_lock.is_written(path):
-        return False
-    try:
-        with McapReader(path) as recording:
-            return recording.is_ours and not recording.chunks and next(iter(recording.blocks()), None) is not None
-    except RecordingError:
-        return False
-
-
 def write_compacted(
     source: McapReader,
     out: BinaryIO,
@@ -200,7 +189,7 @@ def main() -> int:
     for name in sys.argv[1:]:
         has_room, message, is_over = False, "", False
         try:
-            bounded_by(Path(name))
+            bounded_by(Path(name), is_last=name == sys.argv[-1])
             has_room = _has_room(Path(name))
             if has_room:
                 compact(Path(name))

@@ -26,11 +26,10 @@ from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings import sidecar
 from imuscope.recordings.compaction import write_compacted, write_recording
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.library import LibraryEntry
-from imuscope.recordings.mcap_reader import MAGIC, McapReader
-from imuscope.recordings.mcap_records import bytes_of
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap_records import MAGIC, bytes_of
 from imuscope.recordings.mcap_writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
-from imuscope.recordings.readers.registry import READERS
+from imuscope.recordings.recording_probe import CAPTURE_FORMATS
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import Source
 
@@ -41,27 +40,26 @@ _FOOTER = _RECORD + 20
 _METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # its offset in a statistics record
 
 
-def file_name(entry: LibraryEntry) -> str:
-    """File name of the output of `full_recording`."""
-    return entry.path.name if entry.probe.format in ("csv", *READERS.all()) else f"{entry.path.stem}.mcap"
-
-
-def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
+def full_recording(path: Path, title: str, edits: sidecar.Edits, format: str, out: BinaryIO) -> None:
     """Write everything of a recording.
+
+    Args:
+        title, edits: as in the library.
+        format: that was found when its metadata was read.
 
     Raises:
         RecordingError, OSError: it cannot be read.
     """
-    if entry.probe.format == "mcap":
-        with McapReader(entry.path) as recording:
+    if format == "mcap":
+        with McapReader(path) as recording:
             if recording.is_ours:
-                write_compacted(recording, out, edit=entry.edits.as_metadata())
+                write_compacted(recording, out, edit=edits.as_metadata())
                 return
-    if entry.probe.format in ("mcap", "csv", *READERS.all()):
-        with open_regular(entry.path) as file:
-            _with_edits(file, entry.edits, entry.probe.format, out)
+    if format not in CAPTURE_FORMATS:
+        with open_regular(path) as file:
+            _with_edits(file, edits, format, out)
         return
-    wrap_capture(open_file(entry.path), entry.title, entry.edits, out)
+    wrap_capture(open_file(path), title, edits, out)
 
 
 def wrap_capture(source: Source, title: str, edits: sidecar.Edits, out: BinaryIO) -> None:

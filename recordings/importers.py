@@ -29,7 +29,10 @@ from imuscope.recordings import sidecar, vendor_logs
 from imuscope.recordings.capture_timing import CaptureTiming
 from imuscope.recordings.damaged_capture import checked, damaged_frames, damaged_sentences, has_unchecked_sentences
 from imuscope.recordings.file_reading import over
-from imuscope.recordings.mcap_reader import MAGIC, FileDamage, McapReader, remark
+from imuscope.recordings.file_suffixes import TABLES
+from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap_records import MAGIC
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.optional_packages import installation_of, lacks
@@ -46,7 +49,7 @@ from imuscope.recordings.readers.registry import (
     suffix_reader,
 )
 from imuscope.recordings.regular_file import open_regular, read_regular, readable_name
-from imuscope.recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
+from imuscope.recordings.sources import ChunkBlock, FileDamage, Source, SourceDevice, remark
 from imuscope.recordings.table_axis import LAST_CHANGE, NAME, period_start
 from imuscope.recordings.table_dates import dated_name
 from imuscope.recordings.table_format import has_rows
@@ -57,11 +60,6 @@ GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.4  # of a file: 0.5 is a stream of NMEA or UBX alone, and a head in words stands above some
 WEAK_SCORE = 0.2  # of a file that is nothing else: a terminal wrote its own times into the lines
 DATE_BYTES = 1 << 22  # of a log whose name has its start: within these a device with a receiver has sent the date
-SUFFIXES = (
-    *(".mcap", *vendor_logs.log_suffixes(), ".bin", ".log", ".txt", ".csv", ".tsv", ".hex", ".ubx", ".nmea"),
-    *(f".{name}" for name in PROTOCOLS),
-)
-TABLES = (".csv", ".tsv")
 DEVICE = "1"
 
 
@@ -255,11 +253,6 @@ def paced(file: BinaryIO, protocol: str) -> CaptureTiming:
         return CaptureTiming(file, None)
     row = PROTOCOLS[protocol]
     return CaptureTiming(file, permissive_decoder(protocol), utc=row.stream.utc, dated=row.stream.dated)
-
-
-def suffixes() -> tuple[str, ...]:
-    """Suffixes of all files that can be opened, the most particular first."""
-    return tuple(dict.fromkeys((*SUFFIXES, *reader_suffixes())))
 
 
 def open_file(

@@ -8,9 +8,10 @@
                       .incoming/<token>/…                   being uploaded
 
 A recording's id is its file's name without suffix; if several files share that, the first kind of `suffixes()` has it
-and the others use their whole name. Listing reads names, sizes and times only; a file is probed (probe.py) when these
-are new. Subfolders are ignored. External names never become paths: a recording is looked up in the list, and the name
-of an upload is cleaned.
+and the others use their whole name. Listing reads names, sizes and times only, and the user's changes. The metadata of
+a file comes from another process, which reads it (`unread`, `learn`). Until then only files whose suffix is that of a
+recording are listed, without metadata. Subfolders are ignored. External names never become paths: a recording is looked
+up in the list, and the name of an upload is cleaned.
 
 Threads may share a Library; its methods wait for the disk.
 """
@@ -24,14 +25,15 @@ import secrets
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from imuscope.recordings import file_lock, sidecar
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.file_reading import FileReading
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.file_suffixes import ALWAYS_LISTED
+from imuscope.recordings.library_entry import LibraryEntry
 from imuscope.recordings.library_files import (
     COMPANIONS,
     belonging_files,
@@ -43,77 +45,17 @@ from imuscope.recordings.library_files import (
 )
 from imuscope.recordings.library_index import INDEX, completed, index_of, remove_stale_indexes, write_index
 from imuscope.recordings.mcap_writer import RecordingError, disk_error
-from imuscope.recordings.probe import ALWAYS_LISTED, RecordingProbe, probe
+from imuscope.recordings.probe_cache import ProbeCache, Stamp
 from imuscope.recordings.quota import BIN
-from imuscope.recordings.regular_file import readable_name
+from imuscope.recordings.recording_probe import TABLE_FORMATS, RecordingProbe
 from imuscope.recordings.sidecar import Edits, MarkerInfo
 from imuscope.recordings.table_memory import TableMemory
-from imuscope.recordings.table_preview import TABLES, check_upload, table_of
 from imuscope.recordings.upload_names import clean_name
 
 INCOMING = ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
 STALE_S = 3600.0  # age of an abandoned upload
 _SWEEP_S = 600.0
-
-
-@dataclass(slots=True)
-class LibraryEntry:
-    """One recording in the list.
-
-    Args:
-        files: of the recording, in order; the first names it.
-        probe: metadata of the file itself, completed when it is first opened.
-        edits: changes made by the user, over those in the file.
-        indexed: whether it was indexed since its last change (Library.index).
-        is_current: whether it was indexed by this decoder, and not only by an earlier one.
-        deleted: unix s, while it is in the bin.
-    """
-
-    id: str
-    files: list[Path]
-    size: int
-    modified: float
-    probe: RecordingProbe
-    edits: Edits
-    thumbnail: list[list[float]]
-    losses: list[float]
-    marker_texts: list[str]
-    indexed: bool = False
-    is_current: bool = False
-    deleted: float | None = None
-
-    @property
-    def path(self) -> Path:
-        return self.files[0]
-
-    @property
-    def title(self) -> str:
-        return self.edits.title or self.probe.title or Path(self.name).stem
-
-    @property
-    def name(self) -> str:
-        """Name of its first file, as text."""
-        return readable_name(self.path)
-
-    @property
-    def markers(self) -> int:
-        """Number of markers, including those added later."""
-        return max(self.probe.markers, len(self.marker_texts)) + len(self.edits.markers)
-
-    @property
-    def began(self) -> float:
-        """Sort key of the list."""
-        return self.probe.started if self.probe.started is not None else self.modified
-
-    def contains(self, words: Iterable[str]) -> bool:
-        """Whether all these words (case-folded) occur in the metadata."""
-        devices = [text for one in self.probe.devices for text in (one.name, one.product, one.serial_number)]
-        edits = self.edits
-        markers = [marker.text for marker in edits.markers]
-        texts = (self.title, self.name, *(edits.tags or ()), edits.notes or "", *devices, *markers)
-        text = "\n".join((*texts, *self.marker_texts)).casefold()
-        return all(word in text for word in words)
 
 
 class NamingError(RecordingError):
@@ -146,7 +88,7 @@ class Library:
         self._steady = now if steady is None else steady
         self._decoder = decoder
         self._lock = threading.RLock()
-        self._peeks: dict[Path, tuple[tuple[int, int], RecordingProbe | None]] = {}
+        self._probes = ProbeCache()
         self._paths: dict[str, Path] = {}
         self._deleted_at: dict[Path, float] = {}  # folder in the bin → by the steady clock, of deletions in this run
         self._last_removal = -math.inf
@@ -185,8 +127,49 @@ class Library:
         """Its file as last listed, without reading the folder again. KeyError: not found."""
         known = self._paths.get(recording)
         if known is None or not known.exists():
-            known = self._paths[recording] = self.get(recording).path
+            with self._lock:
+                groups = named_groups(grouped_files(self._files(self.folder)))
+            path = next((next(iter(files)) for name, files in groups if name == recording), None)
+            if path is None or not self._probes.may_be_recording(path):
+                raise KeyError(recording)
+            known = self._paths[recording] = path
         return known
+
+    # ── contents of the files ────────────────────────────────────────────────────────────────────────────────────────
+
+    def unread(self, recording: str = "", written: str = "") -> dict[Path, Stamp]:
+        """Files that are new, or have changed since they were read, with their state now.
+
+        Args:
+            recording: only of this one, and not in the bin; "" for all.
+            written: name, without suffix, of a file that is being written: it is read once only.
+        """
+        with self._lock:
+            groups = [
+                (name, next(iter(files.items())))
+                for folder in ([self.folder] if recording else [self.folder, *self._bins()])
+                for name, files in named_groups(grouped_files(self._files(folder)))
+            ]
+            return {
+                path: stamp
+                for name, (path, stamp) in groups
+                if recording in ("", name) and not self._probes.has(path, stamp, written)
+            }
+
+    def learn(self, path: Path, stamp: Stamp, probe: RecordingProbe | None, heading: Sequence[str] = ()) -> None:
+        """Store the metadata read from a file.
+
+        Args:
+            probe: None if the file is not a recording.
+            heading: of a table.
+        """
+        with self._lock:
+            self._probes.learn(path, stamp, probe, heading)
+
+    def unchosen_tables(self) -> list[Path]:
+        """Tables that were never opened, and for which nothing was chosen."""
+        with self._lock:
+            return [entry.path for entry in self._live() if self._may_recall(entry)]
 
     def stamp(self, written: str = "") -> int:
         """A number that changes with any file in the folder, except one being written (its name without suffix)."""
@@ -221,7 +204,7 @@ class Library:
         except OSError:
             return []
 
-    def _files(self, folder: Path) -> dict[Path, tuple[int, int]]:
+    def _files(self, folder: Path) -> dict[Path, Stamp]:
         """Files of a folder that may be recordings: path → size, time of change."""
         files = {}
         try:
@@ -239,37 +222,35 @@ class Library:
             pass
         return files
 
-    def _entry(self, name: str, files: dict[Path, tuple[int, int]]) -> LibraryEntry | None:
+    def _entry(self, name: str, files: dict[Path, Stamp]) -> LibraryEntry | None:
         path, stamp = next(iter(files.items()))
-        known = self._peeks.get(path)
-        is_new = known is None or known[0] != stamp
-        if known is None or is_new:
-            known = self._peeks[path] = (stamp, probe(path))
-        if known[1] is None:
+        probe = self._probes.of(path)
+        if probe is None:
             return None
         size, modified = sum(size for size, _ in files.values()), max(changed for _, changed in files.values()) / 1e9
-        entry = LibraryEntry(name, list(files), size, modified, known[1], Edits(), [], [], [])
+        entry = LibraryEntry(name, list(files), size, modified, probe, Edits(), [], [], [])
         self._apply_index(entry, stamp)
         entry.edits = sidecar.read(path).over(entry.probe.edits)
+        heading = self._probes.take_heading(path)
         if why := sidecar.error_of(path):
             entry.probe = replace(entry.probe, damaged=why.message)
-        elif is_new:
-            entry.edits = self._recalled(entry)
+        elif heading:
+            entry.edits = self._recalled(entry, heading)
         return entry
 
-    def _recalled(self, entry: LibraryEntry) -> Edits:
+    def _may_recall(self, entry: LibraryEntry) -> bool:
+        return not entry.indexed and entry.edits.reading is None and entry.probe.format in TABLE_FORMATS
+
+    def _recalled(self, entry: LibraryEntry, heading: Sequence[str]) -> Edits:
         """The edits of a table that was never opened, with the choices for its heading, which are stored with it."""
-        if not self.tables or entry.indexed or entry.edits.reading is not None or entry.probe.format not in TABLES:
+        reading = self.tables.of(heading) if self.tables and self._may_recall(entry) else None
+        if reading is None:
             return entry.edits
         try:
-            table = table_of(open_file(entry.path))
-            reading = self.tables.of(table.form.headings) if table is not None else None
-            if reading is not None:
-                sidecar.write(entry.path, replace(sidecar.read(entry.path), reading=reading))
-                return replace(entry.edits, reading=reading)
-        except (OSError, RecordingError):  # it cannot be opened, or the folder is read-only
-            pass
-        return entry.edits
+            sidecar.write(entry.path, replace(sidecar.read(entry.path), reading=reading))
+        except (OSError, RecordingError):  # the folder is read-only
+            return entry.edits
+        return replace(entry.edits, reading=reading)
 
     def _apply_index(self, entry: LibraryEntry, stamp: tuple[int, int]) -> None:
         index = index_of(self.folder, entry.path, stamp)
@@ -310,17 +291,24 @@ class Library:
             self._store(entry, replace(sidecar.read(entry.path), markers=edits.markers))
             return edits.markers[-1]
 
-    def choose(self, recording: str, reading: FileReading, heading: Sequence[str] = ()) -> LibraryEntry:
-        """Choose how a recording is read, and remember it for the heading of its table.
+    def choose(
+        self,
+        recording: str,
+        reading: FileReading,
+        heading: Sequence[str] = (),
+        others: Mapping[Path, Sequence[str]] | None = None,
+    ) -> LibraryEntry:
+        """Choose how a recording is read, and remember it for the heading of its table. Raises as `edit` does.
 
-        Tables with this heading that were never opened are read so too. Raises as `edit` does.
+        Args:
+            others: headings of `unchosen_tables`: those with this one are read so too.
         """
         with self._lock:
             entry = self.get(recording)
             self._store(entry, replace(sidecar.read(entry.path), reading=reading))
             self.tables.remember(heading, reading)
-            for other in self._live() if reading and heading else ():
-                self._recalled(other)
+            for other in self._live() if others else ():
+                self._recalled(other, (others or {}).get(other.path, ()))
             return self.get(recording)
 
     def _store(self, entry: LibraryEntry, edits: Edits) -> None:
@@ -366,6 +354,7 @@ class Library:
                 raise disk_error(error, path) from None
             with contextlib.suppress(OSError):  # else it is indexed again
                 os.rename(self.folder / INDEX / f"{path.name}.json", self.folder / INDEX / f"{target.name}.json")
+            self._probes.move(path, target, is_renamed=True)
             return next(one for one in self._live() if one.path == target)
 
     def delete(self, recording: str) -> LibraryEntry:
@@ -382,6 +371,7 @@ class Library:
                 move_files(belonging_files(entry.files), target)
             except OSError as error:
                 raise disk_error(error, entry.path) from None
+            self._probes.move(entry.path, target / entry.path.name)
             self._deleted_at[target] = self._steady()
             return replace(entry, deleted=stamp / 1000)
 
@@ -405,6 +395,7 @@ class Library:
                 source.rmdir()
             except OSError as error:
                 raise disk_error(error, entry.path) from None
+            self._probes.move(entry.path, self.folder / entry.path.name)
             return next(one for one in self._live() if one.path.name == entry.path.name)
 
     def _remove_stale(self) -> None:
@@ -425,9 +416,7 @@ class Library:
                     shutil.rmtree(folder, ignore_errors=True)
         remove_stale_indexes(self.folder, self._names)
         there = self._files(self.folder)
-        self._peeks = {
-            path: known for path, known in self._peeks.items() if path in there or (BIN in path.parts and path.exists())
-        }
+        self._probes.keep(lambda path: path in there or (BIN in path.parts and path.exists()))
         self._paths = {name: path for name, path in self._paths.items() if path in there}
 
     def _names(self) -> list[str]:
@@ -449,17 +438,21 @@ class Library:
             raise disk_error(error, folder) from None
         return folder / clean_name(name)
 
-    def add_file(self, path: Path) -> LibraryEntry:
-        """Check a complete upload and add it to the list.
+    def add_file(self, path: Path, probe: RecordingProbe | None, heading: Sequence[str] = ()) -> LibraryEntry:
+        """Add a complete upload, which was read and can be opened, to the list.
+
+        Args:
+            probe, heading: as for `learn`.
 
         Raises:
-            RecordingError: it is not a recording that can be opened; it is removed.
+            RecordingError: it cannot be moved; it is removed.
         """
         try:
-            check_upload(path)
             with self._lock:
                 target = free_path(self.folder / path.name)
                 os.rename(path, target)
+                stat = target.stat()
+                self.learn(target, (stat.st_size, stat.st_mtime_ns), probe, heading)
                 entry = next(entry for entry in self._live() if target in entry.files)
                 if entry.probe.edits.reading is not None:  # the file came with it from another imuscope
                     self._store(entry, replace(sidecar.read(target), reading=entry.probe.edits.reading))

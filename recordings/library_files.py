@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from imuscope.recordings import sidecar, vendor_logs
-from imuscope.recordings.importers import suffixes
+from imuscope.recordings.file_suffixes import suffixes
 from imuscope.recordings.regular_file import readable_name
 
 COMPANIONS = (".idx",)

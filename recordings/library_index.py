@@ -17,7 +17,7 @@ from typing import Any
 
 from imuscope.recordings import atomic_write, sidecar
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.probe import RecordedDevice, RecordingProbe
+from imuscope.recordings.recording_probe import RecordedDevice, RecordingProbe
 from imuscope.recordings.regular_file import read_regular
 from imuscope.recordings.summary import is_summary, summarize
 

@@ -36,10 +36,11 @@ from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 from imuscope.protocols.framing import Bytes, Ints
 from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings.mcap_kernels import AT_END, FULL, messages_from, resume
+from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.mcap_writer import PROFILE, READABLE, RecordingError
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import FileDamage
 
-MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
 PRIVATE = 0x80  # and above: record types reserved for applications
@@ -74,26 +75,6 @@ class MessageBlock:
         starts, sizes = rows[DATA].tolist(), rows[LENGTH]
         pieces = [self.data[at : at + size] for at, size in zip(starts, sizes.tolist(), strict=True)]
         return b"".join(pieces), np.cumsum(sizes)
-
-
-@dataclass(frozen=True, slots=True)
-class FileDamage:
-    """Start and cause of damage in the file or in a chunk of it.
-
-    Args:
-        torn: only an unfinished record follows, as after a killed writer or a power cut.
-        is_remark: nothing is damaged: what of the file is left out, or how it was read.
-    """
-
-    offset: int
-    words: str
-    torn: bool = False
-    is_remark: bool = False
-
-
-def remark(words: str) -> FileDamage:
-    """A statement on parts of a file that are left out, or on how it was read."""
-    return FileDamage(-1, words, is_remark=True)
 
 
 class McapReader:

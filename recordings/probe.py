@@ -8,59 +8,24 @@ Other captures: the first kilobytes give the protocol; the duration is known aft
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 
 from imuscope.protocols.registry import detect
 from imuscope.recordings import sidecar, vendor_logs
-from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, TABLES, WEAK_SCORE, is_table, paced
-from imuscope.recordings.mcap_reader import MAGIC, TIME, McapReader
+from imuscope.recordings.file_suffixes import ALWAYS_LISTED, TABLES
+from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, WEAK_SCORE, is_table, open_file, paced
+from imuscope.recordings.mcap_reader import TIME, McapReader
+from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
 from imuscope.recordings.messages import recorded_device
 from imuscope.recordings.readers.registry import HEAD_BYTES, marked_reader, suffix_reader
+from imuscope.recordings.recording_probe import RecordedDevice, RecordingProbe
 from imuscope.recordings.regular_file import open_regular, readable_name
+from imuscope.recordings.replay import extent
 
-ALWAYS_LISTED = (".mcap", *vendor_logs.log_suffixes(), ".bin", *TABLES)  # listed even if nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."
-
-
-@dataclass(slots=True)
-class RecordedDevice:
-    """Identity of a recorded device, as far as the probed part contains it."""
-
-    id: str
-    name: str = ""
-    protocol: str = ""
-    product: str = ""
-    serial_number: str = ""
-    messages: int | None = None  # frames; null until they are counted
-    lost: int = 0
-    rejects: int = 0
-    counts_losses: bool = False  # whether lost frames are known: none lost means that none are missing
-
-
-@dataclass(slots=True)
-class RecordingProbe:
-    """Metadata of a file, read without decoding it.
-
-    Args:
-        started: unix s; None if unknown. So is `duration`, s.
-        damaged: one sentence, "" if no damage is known.
-        remark: sentences on parts that are left out, and on how the file was read; "" before it was opened.
-        edits: changes made by the user, as stored in the file itself.
-    """
-
-    format: str
-    title: str = ""
-    started: float | None = None
-    duration: float | None = None
-    devices: list[RecordedDevice] = field(default_factory=list)
-    damaged: str = ""
-    remark: str = ""
-    edits: sidecar.Edits = field(default_factory=sidecar.Edits)
-    markers: int = 0
 
 
 def probe(path: Path) -> RecordingProbe | None:
@@ -82,10 +47,33 @@ def probe(path: Path) -> RecordingProbe | None:
     if not head:
         return RecordingProbe(suffix[1:], damaged="It is empty.") if suffix in ALWAYS_LISTED else None
     if (reader := marked_reader(head[:HEAD_BYTES]) or suffix_reader(suffix)) is not None:
-        return RecordingProbe(reader.name, devices=[RecordedDevice("1", path.name)])
+        return RecordingProbe(reader.name, devices=[RecordedDevice("1", path.name)], is_archive=reader.is_container)
     if suffix in TABLES:
         return RecordingProbe("csv", devices=[RecordedDevice("1", path.name)], edits=_csv_edits(path, head))
     return _capture(path, suffix, head)
+
+
+def probe_files(paths: Sequence[Path]) -> list[RecordingProbe | None]:
+    """Read the metadata of several files."""
+    return [probe(path) for path in paths]
+
+
+def extent_of(path: Path) -> tuple[int, int] | None:
+    """Times of the first and last chunk of a file, ns; None if it has none.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    return extent(open_file(path))
+
+
+def is_pinned(path: Path) -> bool:
+    """Whether a recording says itself that it is pinned. An unreadable one is kept: it may say so."""
+    try:
+        with McapReader(path) as recording:
+            return bool(sidecar.from_metadata(recording.meta(EDIT)).pinned)
+    except RecordingError:
+        return True
 
 
 def _csv_edits(path: Path, head: bytes) -> sidecar.Edits:

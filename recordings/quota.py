@@ -11,34 +11,26 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from imuscope.recordings import file_lock, sidecar
 from imuscope.recordings.library_index import remove_index
-from imuscope.recordings.mcap_reader import MAGIC, McapReader
-from imuscope.recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
-from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.mcap_writer import SUFFIX
+from imuscope.recordings.own_recordings import is_ours
 
 BIN = ".bin"
 RESERVE_BYTES, RESERVE_SHARE = 2 * 10**9, 20  # a disk with less of it free, and less than one part in so many, is short
-_PROFILE_AT = len(MAGIC) + 1 + 8 + 4  # after the header's opcode, its length and that of the string
 
 log = logging.getLogger("imuscope.quota")
+PinnedInFile = Callable[[Path], bool]
+"""Whether a recording whose user changed nothing here was pinned where it comes from (recordings/probe.py)."""
 
 
-def is_pinned(path: Path) -> bool:
-    """Whether the recording is pinned. An unreadable one is kept: it may be pinned."""
+def is_pinned(path: Path, in_file: PinnedInFile) -> bool:
+    """Whether the recording is pinned. One whose changes cannot be read is kept: it may be pinned."""
     pinned = sidecar.read(path).pinned
-    if pinned is not None:
-        return pinned
-    if sidecar.error_of(path) is not None:
-        return True
-    try:
-        with McapReader(path) as recording:
-            return bool(sidecar.from_metadata(recording.meta(EDIT)).pinned)
-    except RecordingError:
-        return True
+    return pinned if pinned is not None else sidecar.error_of(path) is not None or in_file(path)
 
 
 def excess_bytes(folder: Path, quota_bytes: int) -> int:
@@ -52,7 +44,14 @@ def is_short(folder: Path) -> bool:
     return disk.free < min(RESERVE_BYTES, disk.total // RESERVE_SHARE)
 
 
-def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = (), *, only_if_short: bool = False) -> list[Path]:
+def cull(
+    folder: Path,
+    quota_bytes: int,
+    in_file: PinnedInFile,
+    spare: Collection[Path] = (),
+    *,
+    only_if_short: bool = False,
+) -> list[Path]:
     """Delete until the recordings of a folder are within the quota, or only pinned and spared ones are left.
 
     Args:
@@ -78,7 +77,7 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = (), *, only_i
     for _, path, size in files:
         if excess <= 0 or (only_if_short and not is_short(folder)):
             break
-        if path in spare or file_lock.is_written(path) or is_pinned(path):
+        if path in spare or file_lock.is_written(path) or is_pinned(path, in_file):
             continue
         try:
             path.unlink()
@@ -100,7 +99,7 @@ def _recordings(folder: Path) -> list[tuple[int, Path, int]]:
             stat = path.stat()
         except OSError:
             continue
-        if _is_ours(path):
+        if is_ours(path):
             files.append((stat.st_mtime_ns, path, stat.st_size + _size(sidecar.sidecar_path(path))))
     return files
 
@@ -119,13 +118,3 @@ def _size(path: Path) -> int:
         return path.stat().st_size
     except OSError:
         return 0
-
-
-def _is_ours(path: Path) -> bool:
-    """Whether imuscope recorded the file, by its first bytes, which are written before anything else."""
-    try:
-        with open_regular(path) as file:
-            head = file.read(_PROFILE_AT + len(PROFILE))
-    except OSError:
-        return False
-    return head.startswith(MAGIC) and head[_PROFILE_AT:] == PROFILE.encode()

@@ -19,12 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from imuscope.recordings.message_source import MessageFile
-from imuscope.recordings.sources import ChunkBlock, McapSource, Source
+if TYPE_CHECKING:
+    from imuscope.recordings.sources import ChunkBlock, Source
 
 TURN_NS = 100_000_000  # between two turns of a loop: plot lines break there
 
@@ -203,11 +203,11 @@ class ReplayClock:
 def extent(source: Source) -> tuple[int, int] | None:
     """Times of the first and last chunk of a file, ns; None if it has none."""
     first = last = None
-    if isinstance(source, McapSource | MessageFile) and source.indexed:
+    if indexed := getattr(source, "indexed", ()):
         for parts in _blocks(source.parts()):
             first = min(int(part.times[0]) for part in parts)
             break
-        ends = sorted(source.indexed, reverse=True)
+        ends = sorted(indexed, reverse=True)
         for end in ends:  # the last block that holds chunks
             times = [int(part.times.max()) for part in source.parts(end, None)]
             if times:

@@ -2,7 +2,8 @@
 
     memory    its own (RLIMIT_DATA), not mapped files: the columns of a day are mapped files of many gigabytes, whose
               pages the system can drop at any time. Beyond the limit an allocation fails: MemoryError
-    time      of the processor (RLIMIT_CPU), by the size of the file. Beyond it: TooLong
+    time      of the processor (RLIMIT_CPU), by the size of the file. Beyond it: TooLong; TO_END_S later the system
+              ends the process, also within a library that does not return to Python
 
 The memory limit is a share of the memory of the machine, or of the unit it runs in; so is the history of a server.
 
@@ -34,24 +35,33 @@ class TooLong(BaseException):
     """The processor time is used up."""
 
 
-def bounded(memory: int | None = None, cpu_s: int = CPU_S) -> None:
-    """Limit this process from here on, if the system supports it. Call it first."""
+def bounded(memory: int | None = None, cpu_s: int = CPU_S, to_end_s: int = TO_END_S) -> None:
+    """Limit this process from here on, if the system supports it. Call it first.
+
+    Args:
+        to_end_s: processor time from TooLong to the end of the process.
+    """
     if sys.platform != "linux":
         return
     import resource
 
     _limit(resource.RLIMIT_DATA, memory or memory_of_one())
     signal.signal(signal.SIGXCPU, _over)
-    _limit(resource.RLIMIT_CPU, cpu_s)
+    _limit(resource.RLIMIT_CPU, _used_s() + cpu_s, to_end_s)
 
 
-def bounded_by(path: Path) -> None:
-    """Limit the processor time from here on, once the file to be read is known."""
+def bounded_by(path: Path, *, is_last: bool = True) -> None:
+    """Limit the processor time from here on, once the file to be read is known.
+
+    Args:
+        is_last: whether no other file follows: the hard limit, which cannot be raised again, is set too.
+    """
     with contextlib.suppress(OSError):
         if sys.platform == "linux":
             import resource
 
-            _limit(resource.RLIMIT_CPU, _used_s() + seconds_for(path.stat().st_size))
+            most = _used_s() + seconds_for(path.stat().st_size)
+            _limit(resource.RLIMIT_CPU, most, TO_END_S if is_last else None)
 
 
 def seconds_for(size: int) -> int:
@@ -99,10 +109,13 @@ def _memories(groups: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/
                     yield int((folder / file).read_text())  # "max", or a number beyond any memory, without a limit
 
 
-def _limit(what: int, most: int) -> None:
+def _limit(what: int, most: int, until_killed: int | None = None) -> None:
+    """Set the soft limit, and the hard one that much above it; None: the hard limit stays."""
     import resource
 
     _, hard = resource.getrlimit(what)
+    if until_killed is not None:
+        hard = most + until_killed if hard == resource.RLIM_INFINITY else min(most + until_killed, hard)
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from imuscope.protocols.registry import counts_losses
 from imuscope.recordings.column_store import ColumnStore, ExactRows
-from imuscope.recordings.probe import RecordedDevice
+from imuscope.recordings.recording_probe import RecordedDevice
 
 BUCKETS = 64
 FINE = 32  # summaries for each bucket

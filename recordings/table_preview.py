@@ -7,17 +7,19 @@ rows as far as they are known, and the rate for each unit that its times can hav
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.readers.registry import READERS
+from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.previewed_table import PreviewColumn, Role, TablePreview, TableQuestion, UnitChoice
+from imuscope.recordings.probe import probe
+from imuscope.recordings.recording_probe import RecordingProbe
 from imuscope.recordings.sources import Source
 from imuscope.recordings.table_cells import numbers, times_of
-from imuscope.recordings.table_clock import AmbiguousTableError, OpenQuestion, TableClock
+from imuscope.recordings.table_clock import AmbiguousTableError, TableClock
 from imuscope.recordings.table_format import has_rows
 from imuscope.recordings.table_headings import axis_of, grouped
 from imuscope.recordings.table_options import NO_COLUMN, TableOptions
@@ -26,87 +28,6 @@ from imuscope.recordings.tabular import NOW_S, CsvSource, TableSource
 from imuscope.recordings.time_units import UNITS, mean_step, usual_step
 
 FIRST_ROWS = 8
-TABLES = ("csv", "parquet", "arrow", "arrow-stream", "mat", "mat4", "hdf5", "npy", "npz")
-"""Formats of files that may be one table."""
-Role = Literal["time", "clock", "arrival", "value", "left out"]
-
-
-@dataclass(frozen=True, slots=True)
-class PreviewColumn:
-    """A column of a table.
-
-    Args:
-        number: from 1.
-        heading: as in the file.
-        name, unit: as it is read.
-        group, axis: name of the vector that it belongs to, and its axis; "" for a column of its own.
-        role: "time": part of the time axis; "clock": another clock.
-    """
-
-    number: int
-    heading: str
-    name: str
-    unit: str
-    group: str
-    axis: str
-    role: Role
-
-
-@dataclass(frozen=True, slots=True)
-class UnitChoice:
-    """A unit that the times can have: samples per second in it, null if unknown; whether that is plausible."""
-
-    unit: str
-    rate: float | None
-    is_plausible: bool
-
-
-@dataclass(frozen=True, slots=True)
-class TablePreview:
-    """A table as it will be read.
-
-    Args:
-        separator: " " for any run of blanks.
-        skipped: lines before the first row.
-        clocks: clocks that were found: name → the time column that makes it the axis.
-        clock: name of the one that is the axis; "" if none is.
-        time_column: that makes it the axis; "none": the rows are counted.
-        units: of numbers that are times; [] if there is nothing to choose.
-        unit, rate: of the axis; rate null if unknown.
-        epoch: what its zero is; "" without an axis.
-        sure: "stated", "known", "inferred", "assumed"; "" without an axis.
-        sentences: the axis, why it is that, and the assumptions.
-        times: of the first rows, unix s; null if unknown.
-        rows: the first rows: numbers as they are read, cells of clocks and times as in the file.
-        about: open question: "time", "unit", "order", "rate"; "" if the table can be read.
-        problem, hint: the refusal in words; "" if it can be read.
-    """
-
-    separator: str
-    decimal: str
-    skipped: int
-    columns: list[PreviewColumn]
-    clocks: dict[str, str]
-    clock: str
-    time_column: str
-    units: list[UnitChoice]
-    unit: str
-    rate: float | None
-    epoch: str
-    sure: str
-    sentences: list[str]
-    times: list[float | None]
-    rows: list[list[str | float | None]]
-    about: OpenQuestion | Literal[""] = ""
-    problem: str = ""
-    hint: str = ""
-    heading: list[str] = field(default_factory=list)
-
-
-def may_be_table(format: str) -> bool:
-    """Whether a file of this format may be a table, or an archive of some."""
-    reader = READERS.all().get(format)
-    return format in TABLES or (reader is not None and reader.is_container)
 
 
 def table_of(source: Source) -> CsvSource | None:
@@ -116,16 +37,7 @@ def table_of(source: Source) -> CsvSource | None:
     return source if isinstance(source, CsvSource) else None
 
 
-def check_upload(path: Path) -> None:
-    """Raise RecordingError unless the file can be opened, or is a table of numbers that only lacks an option."""
-    try:
-        open_file(path)
-    except AmbiguousTableError:
-        if not has_rows(path):
-            raise
-
-
-def question_of(path: Path) -> AmbiguousTableError | None:
+def question_of(path: Path) -> TableQuestion | None:
     """Open question of the table at `path`, with the choices stored with it; None if it can be read.
 
     Raises:
@@ -133,9 +45,33 @@ def question_of(path: Path) -> AmbiguousTableError | None:
     """
     try:
         table = table_of(open_file(path))
-    except AmbiguousTableError as question:
-        return question
-    return table.refusal if table is not None and isinstance(table.refusal, AmbiguousTableError) else None
+        question = table.refusal if table is not None else None
+    except AmbiguousTableError as error:
+        question = error
+    return TableQuestion(question.about, question.message) if isinstance(question, AmbiguousTableError) else None
+
+
+def heading_of(path: Path) -> list[str]:
+    """Heading of the table at `path`; [] if it is none, or cannot be opened."""
+    try:
+        table = table_of(open_file(path))
+    except (OSError, RecordingError):
+        return []
+    return list(table.form.headings) if table is not None else []
+
+
+def check_upload(path: Path) -> RecordingProbe | None:
+    """Metadata of a file that can be opened, or that is a table of numbers which only lacks an option.
+
+    Raises:
+        RecordingError: it is neither.
+    """
+    try:
+        open_file(path)
+    except AmbiguousTableError:
+        if not has_rows(path):
+            raise
+    return probe(path)
 
 
 def preview_of(path: Path, options: TableOptions) -> TablePreview | None:

@@ -6,7 +6,7 @@ import os
 import re
 import unicodedata
 
-from imuscope.recordings.importers import suffixes
+from imuscope.recordings.file_suffixes import suffixes
 
 LONGEST_NAME = 120
 DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # reserved names on Windows

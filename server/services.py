@@ -35,6 +35,7 @@ from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.library.export_jobs import ExportJobs
+from imuscope.server.library.foreign_files import ForeignFiles
 from imuscope.server.library.recorder import FOLDER, Recorder, plan_of
 from imuscope.server.library.signal_definitions import SignalDefinitions
 from imuscope.server.links.base import LinkSettings, steady_clock
@@ -91,11 +92,12 @@ class Services:
         reading = self.reading if self.config.sources else DecodeOptions()
         sources = self.config.sources or (default_sources() if self.has_devices else [])
         await asyncio.to_thread(self.folder_lock.begin)
+        self.catalogue.files.start()
         self.sessions.start()
         if self.config.record:  # before the first byte is received
             await self.recorder.begin(sources)
         for source in sources:
-            self.sessions.add_all(source, reading)
+            await self.sessions.add_all(source, reading)
         if self.folder_lock.is_alone:  # otherwise another server may be carrying them out
             await self.controllers.resume()
         await self.recorder.resume()
@@ -156,10 +158,11 @@ def build_services(
         config.data / FOLDER, tables=TableMemory(config.data), decoder=decoding_mark, steady=time.monotonic
     )
     columns = ColumnCache(config.data, library.known_path, reading)
-    catalogue = Catalogue(bus, telemetry.clients, library, columns)
+    catalogue = Catalogue(bus, telemetry.clients, library, columns, ForeignFiles())
     compactor = CompactionWorker(catalogue.finished)
     signals = SignalDefinitions(config.data)
     recorder = Recorder(bus, sessions, controllers, plan_of(config), compactor, wall_ns, byte_memory, signals)
+    recorder.pinned_in_file, controllers.snapshots.read = catalogue.files.is_pinned, catalogue.files.snapshot
     return Services(
         config=config,
         access=access,

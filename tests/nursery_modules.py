@@ -26,6 +26,8 @@ WORKERS = (
         "imuscope.server.decode_worker",
         "imuscope.server.library.export_worker",
         "imuscope.server.library.export_sizes",
+        "imuscope.server.library.file_worker",
+        "imuscope.server.links.played_file_worker",
     ),
     *filter(
         _is_there,

@@ -63,6 +63,7 @@ SERVER: dict[str, set[str]] = {
     "timings": set(),
     "workspaces": set(),
     "fair_queue": set(),
+    "fork_server": set(),
     **{part: set() for part in ("logging_setup", "setting_types", "extension_settings")},
     "handshakes": {"connections"},
     "links": set(),
@@ -77,7 +78,9 @@ SERVER: dict[str, set[str]] = {
     "rate_limit": {"auth", "login_throttle"},
     "metrics": {"devices", "streaming"},
     "configuration": {"wire_codec", "links", "streaming", "devices"},
-    "library": {"wire_codec", "links", "streaming", "devices", "config", "configuration"},
+    "library": {
+        *("wire_codec", "fair_queue", "fork_server", "links", "streaming", "devices", "config", "configuration"),
+    },
     "decode_worker": {"devices", "library"},
     "integrations": {"wire_codec", "streaming", "config", "auth"},
     "reference": {"configuration", "library"},

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +21,9 @@ from imuscope.protocols.family import LogFormat, ProtocolInfo
 from imuscope.protocols.framing import FRAME, ID, OFFSET, SIZE, STATUS, Ints, ScanResult, scan_all
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.sources import ChunkBlock
+
+if TYPE_CHECKING:
+    from imuscope.recordings.sources import ChunkBlock
 
 
 def write_bytes(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
@@ -91,6 +93,8 @@ def _chosen(request: ExportRequest, family: ProtocolInfo | None) -> str:
 
 def _parts(request: ExportRequest, device: str, step: ExportStep) -> Iterator[ChunkBlock]:
     """Blocks of received bytes that overlap the range."""
+    from imuscope.recordings.importers import open_file  # a server that lists formats reads none
+
     assert request.source is not None
     start = None if request.t0 == -np.inf else int(request.t0 * 1e9) - 1000
     stop = None if request.t1 == np.inf else int(request.t1 * 1e9) + 1000

@@ -11,10 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from imuscope.protocols.plugins import Registry
-from imuscope.recordings.sources import Source
 from imuscope.recordings.table_options import TableOptions
+
+if TYPE_CHECKING:
+    from imuscope.recordings.sources import Source
 
 HEAD_BYTES = 512  # of a file, by which its format is recognised
 
@@ -35,7 +38,7 @@ class OpenRequest:
     is_packed: bool = False
 
 
-ReadFile = Callable[[OpenRequest], Source]
+ReadFile = Callable[[OpenRequest], "Source"]
 
 
 @dataclass(frozen=True, slots=True)

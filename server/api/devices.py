@@ -87,7 +87,7 @@ async def add_device(body: AddDeviceRequest, services: TheServices) -> DeviceAns
         raise bad_setting(error) from None
     check_protocol(named, services)
     await asyncio.to_thread(check_file, parse_source_options(body.source, reading)[0], services.source_folders)
-    return services.sessions.add_all(body.source, reading)[0].info
+    return (await services.sessions.add_all(body.source, reading))[0].info
 
 
 @router.delete("/{device}", status_code=204, responses=responses(404, 409, 422))

@@ -24,6 +24,7 @@ async def add_export(recording: str, body: ExportJobRequest, services: TheServic
     """Begin an export; its progress is sent with the op `exports`."""
     _check(body)
     with recording_errors(recording):
+        await services.catalogue.entry(recording)
         return services.exports.add(recording, body)
 
 

@@ -5,27 +5,24 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Literal
 
-from fastapi import Query
+from fastapi import Query, Request, Response
 
-from imuscope.protocols.family import ProtocolInfo
-from imuscope.protocols.registry import family_of
 from imuscope.recordings.column_store import Base
-from imuscope.recordings.importers import open_file
-from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.devices import OneSession
 from imuscope.server.api.errors import recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recording_data import columns_of
-from imuscope.server.devices.decode_options import DecodeOptions, recorded
 from imuscope.server.errors import DomainError
 from imuscope.server.library.packets import (
     PacketView,
     SampleArrival,
+    available,
     live_bytes,
     live_moment,
     packets_around,
-    recorded_bytes,
     recorded_moment,
+    required_family,
 )
 
 router = lazy_router(tags=["packets"])
@@ -71,7 +68,7 @@ async def live_frames(
     if not span[0] - 1_000_000_000 <= moment.arrival_ns <= span[1] + 1_000_000_000:
         words = f"The bytes from then are no longer in memory, which reaches back {(span[1] - span[0]) / 1e9:.0f} s."
         raise DomainError("not-found", words, "bytes_mb in the configuration makes it longer; a recording has all.")
-    family = _family(session.info.protocol)
+    family = required_family(session.info.protocol)
     settings = session.reading.settings(family.name)
     read = live_bytes(link, session.access.link.preamble)
     view = await asyncio.to_thread(
@@ -82,11 +79,12 @@ async def live_frames(
         beside=beside,
         newest_ns=span[1],
     )
-    return _available(view)
+    return available(view)
 
 
-@router.get("/api/recordings/{recording}/frames", responses=responses(404, 422))
+@router.get("/api/recordings/{recording}/frames", response_model=PacketView, responses=responses(404, 422))
 async def recorded_frames(
+    request: Request,
     recording: str,
     services: TheServices,
     time: Time,
@@ -96,7 +94,7 @@ async def recorded_frames(
     rank: Rank = 0,
     kind: OfKind = "",
     beside: Beside = 8,
-) -> PacketView:
+) -> Response:
     """The frame that made a sample of a recording, and its neighbours, as for a live device."""
     moment, names = SampleArrival(round(time * 1e9), rank), NO_NAMES
     if channel is not None:
@@ -106,44 +104,15 @@ async def recorded_frames(
         moment = _sample(sample, channel)
         if info is not None:
             device, names = str(info["device"]), (str(info["message"]), str(info["name"]))
-    return await asyncio.to_thread(_recorded, services, recording, device, moment, names, kind, beside)
-
-
-def _recorded(
-    services: TheServices,
-    recording: str,
-    device: str,
-    moment: SampleArrival,
-    names: tuple[str, ...],
-    kind: Literal["", "frame", "reject", "foreign", "sent"],
-    beside: int,
-) -> PacketView:
     with recording_errors(recording):
-        source = open_file(services.catalogue.library.known_path(recording))
-    if not source.timed:
-        words = "The bytes of this file have no arrival times, so a sample does not lead to its frame."
-        raise DomainError("not-found", words, "imuscope inspect FILE lists its frames.")
-    device = device.partition(".")[0] or next(iter(source.devices), "")
-    known = source.devices.get(device)
-    if known is None:
-        raise DomainError(
-            "not-found", f"The recording has no bytes of device {device:.40}.", "Choose one of its devices."
+        path = services.catalogue.library.known_path(recording)
+        work = services.catalogue.files.json(
+            "imuscope.server.library.recorded_packets:packets_in_file",
+            *(path, device, moment, services.reading, names, kind or None, beside),
+            user=user_of(request),
         )
-    family = _family(known.protocol)
-    settings = recorded(DecodeOptions(), known.identity, services.reading).settings(family.name)
-    read = recorded_bytes(source, device)
-    return _available(
-        packets_around(device, family, settings, read, moment, names=names, kind=kind or None, beside=beside)
-    )
-
-
-def _family(protocol: str) -> ProtocolInfo:
-    family = family_of(protocol)
-    if family is None:
-        raise DomainError(
-            "not-found", "The protocol of this device is not known.", "Its bytes cannot be divided into frames."
-        )
-    return family
+        body = await while_connected(request, work)
+    return Response(body, CLIENT_GONE if body is None else 200, media_type="application/json")
 
 
 def _sample(sample: SampleArrival | None, channel: int) -> SampleArrival:
@@ -152,9 +121,3 @@ def _sample(sample: SampleArrival | None, channel: int) -> SampleArrival:
             "not-found", f"Channel {channel} has no sample at that time.", "Choose a time within its plot."
         )
     return sample
-
-
-def _available(view: PacketView | None) -> PacketView:
-    if view is None:
-        raise DomainError("not-found", "No bytes were received around that time.", "Choose a time within a plot.")
-    return view

@@ -110,6 +110,8 @@ async def get_recording(recording: str, request: Request, services: TheServices,
     store = columns if isinstance(columns, ColumnStore) else columns.partial
     assert store is not None
     catalogue = services.catalogue
+    with recording_errors(recording):
+        await catalogue.entry(recording)
     body = await asyncio.to_thread(lambda: detail(catalogue.info(recording), store, catalogue.markers(recording)))
     return JSONResponse(with_previous_keys(as_json(body)), headers={"cache-control": "no-store"})
 

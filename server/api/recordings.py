@@ -6,7 +6,7 @@ import asyncio
 import math
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import Annotated, BinaryIO, TypeVar
+from typing import Annotated, TypeVar
 from urllib.parse import quote
 
 from fastapi import Depends, Query, Request
@@ -14,16 +14,16 @@ from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 
 from imuscope.recordings import sidecar
-from imuscope.recordings.download import file_name, full_recording, original_bytes
-from imuscope.recordings.library import LibraryEntry, NamingError
+from imuscope.recordings.library import NamingError
+from imuscope.recordings.library_entry import LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import MarkerInfo
-from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.dependencies import TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, check_length, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import EditRequest, MarkerRequest, RecordingInfo
-from imuscope.server.streaming_response import streamed, with_first_chunk
+from imuscope.server.streaming_response import with_first_chunk
 
 router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 
@@ -38,10 +38,10 @@ def still_recording(recording: str) -> DomainError:
     return DomainError("busy", f"{recording:.80} is being recorded.", "Stop the recording first.")
 
 
-def entry_of(recording: str, services: TheServices) -> LibraryEntry:
-    """A recording of the library. Not async, so in a thread: it reads the folder."""
+async def entry_of(recording: str, services: TheServices) -> LibraryEntry:
+    """A recording of the library."""
     with recording_errors(recording):
-        return services.catalogue.library.get(recording)
+        return await services.catalogue.entry(recording)
 
 
 OneEntry = Annotated[LibraryEntry, Depends(entry_of)]
@@ -75,7 +75,10 @@ async def upload(
         raise DomainError("disk", error.message, error.hint) from None
     try:
         await _receive(request.stream(), path, length)
-        entry = await asyncio.to_thread(services.catalogue.library.add_file, path)
+        adding = services.catalogue.add_upload(path, user_of(request))
+        entry = await while_connected(request, adding)
+        if entry is None:
+            raise ClientDisconnect
     except RecordingError as error:
         words = error.message.replace(path.name, name[:120])  # the name that the user gave
         raise DomainError("cannot-open", words, error.hint) from None
@@ -108,7 +111,7 @@ async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> Non
 
 
 @router.patch("/{recording}", responses=responses(404, 409, 412, 422, 507))
-async def edit_recording(recording: str, body: EditRequest, services: TheServices) -> RecordingInfo:
+async def edit_recording(recording: str, body: EditRequest, services: TheServices, entry: OneEntry) -> RecordingInfo:
     """Change title, tags, notes, pinned or the file's name; null keeps a value. Renaming the file changes the id."""
     check_length(body.title, MAX_TITLE, "The title")
     check_length(body.file, MAX_TITLE, "The name")
@@ -127,7 +130,8 @@ async def edit_recording(recording: str, body: EditRequest, services: TheService
     if name is not None:
         if services.catalogue.is_recording(entry):
             raise still_recording(recording)
-        entry = await _in_thread(recording, lambda: services.catalogue.rename(recording, name))
+        renamed = await _in_thread(recording, lambda: services.catalogue.rename(recording, name))
+        entry = await services.catalogue.entry(renamed.id)
     services.catalogue.changed()
     return services.catalogue.to_api(entry)
 
@@ -166,6 +170,7 @@ async def delete_recording(recording: str, services: TheServices, entry: OneEntr
 @router.post("/{recording}/undelete", responses=responses(404, 409, 422, 507))
 async def undelete_recording(recording: str, services: TheServices) -> RecordingInfo:
     """Restore a recording from the bin."""
+    await services.catalogue.entries()
     entry = await _in_thread(recording, lambda: services.catalogue.library.undelete(recording))
     services.catalogue.changed()
     return services.catalogue.to_api(entry)
@@ -176,13 +181,17 @@ async def undelete_recording(recording: str, services: TheServices) -> Recording
     responses={**bytes_of("application/x-mcap", "text/csv"), **responses(404, 409, 422)},
     response_class=StreamingResponse,
 )
-async def download(recording: str, services: TheServices, entry: OneEntry) -> StreamingResponse:
+async def download(request: Request, recording: str, services: TheServices, entry: OneEntry) -> StreamingResponse:
     """One file with bytes, times, events, markers, title, tags and notes (MCAP; CSV for a CSV recording)."""
     if services.catalogue.is_recording(entry):
         raise still_recording(recording)
-    name = file_name(entry)
+    name = entry.full_name
     kind = "text/csv" if name.endswith("csv") else "application/x-mcap"
-    return await _file(name, kind, lambda out: full_recording(entry, out))
+    function = "imuscope.recordings.download:full_recording"
+    details = (entry.title, entry.edits, entry.probe.format)
+    return await _file(
+        name, kind, services.catalogue.files.pieces(function, entry.path, *details, user=user_of(request))
+    )
 
 
 @router.get(
@@ -191,6 +200,7 @@ async def download(recording: str, services: TheServices, entry: OneEntry) -> St
     response_class=StreamingResponse,
 )
 async def download_original(
+    request: Request,
     services: TheServices,
     entry: OneEntry,
     device: Annotated[str, Query(max_length=100, description="needed if the recording has several")] = "",
@@ -206,10 +216,12 @@ async def download_original(
         raise DomainError("not-found", f"The recording has no device {device:.40}.", f"It has: {', '.join(devices)}.")
     name = f"{entry.path.stem}-{device}" if device else entry.path.stem
     chosen = device or (devices[0] if devices else "")
-    return await _file(f"{name}.bin", BYTES, lambda out: original_bytes(entry.path, chosen, out))
+    function = "imuscope.recordings.download:original_bytes"
+    pieces = services.catalogue.files.pieces(function, entry.path, chosen, user=user_of(request))
+    return await _file(f"{name}.bin", BYTES, pieces)
 
 
-async def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> StreamingResponse:
+async def _file(name: str, kind: str, written: AsyncIterator[bytes]) -> StreamingResponse:
     """Stream a file while it is written; DomainError if it cannot begin."""
     plain = "".join(c if c.isascii() and c.isprintable() and c not in '"\\' else "_" for c in name)
     headers = {
@@ -218,7 +230,7 @@ async def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> Stre
         "x-content-type-options": "nosniff",
     }
     try:
-        pieces = await with_first_chunk(streamed(write))
+        pieces = await with_first_chunk(written)
     except RecordingError as error:
         raise DomainError("cannot-open", error.message, error.hint) from None
     except OSError as error:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
-from typing import Annotated
 
-from fastapi import Depends
-
-from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.replay import extent
 from imuscope.server.api.answers import DeviceAnswer
 from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import recording_errors, responses
+from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
+from imuscope.server.api.recordings import OneEntry
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import PlayRequest
+from imuscope.server.library.foreign_files import ForeignFiles
 from imuscope.server.links.capture_file import SPEEDS
 
 router = lazy_router(tags=["recordings"])
@@ -24,13 +20,7 @@ router = lazy_router(tags=["recordings"])
 HINT_SPEED = f"Use {SPEEDS[0]:g} to {SPEEDS[1]:g} times the original speed."
 
 
-def file_of(recording: str, services: TheServices) -> Path:
-    """Path of a recording; DomainError if it is unknown."""
-    with recording_errors(recording):
-        return services.catalogue.library.path(recording)
-
-
-def source_of(path: Path, play: PlayRequest) -> str:
+async def source_of(path: Path, play: PlayRequest, files: ForeignFiles) -> str:
     """Source text of a recording with its playback options.
 
     Raises:
@@ -42,8 +32,9 @@ def source_of(path: Path, play: PlayRequest) -> str:
     if play.loop:
         options.append("loop=1")
     if play.t0 is not None or play.t1 is not None:
+        function = "imuscope.recordings.probe:extent_of"
         try:
-            span = extent(open_file(path))
+            span: tuple[int, int] | None = await files.call(function, path, returns=tuple[int, int] | None)
         except RecordingError as error:
             raise DomainError("cannot-open", error.message, error.hint) from None
         began = span[0] / 1e9 if span is not None else 0.0
@@ -57,7 +48,7 @@ def source_of(path: Path, play: PlayRequest) -> str:
 
 
 @router.post("/api/recordings/{recording}/play", status_code=201, responses=responses(404, 409, 422))
-async def play(body: PlayRequest, path: Annotated[Path, Depends(file_of)], services: TheServices) -> list[DeviceAnswer]:
+async def play(body: PlayRequest, entry: OneEntry, services: TheServices) -> list[DeviceAnswer]:
     """Play a recording. Each of its devices appears, ends with the file, and can be played again or removed."""
-    source = await asyncio.to_thread(source_of, path, body)
-    return [session.info for session in services.sessions.add_all(source)]
+    source = await source_of(entry.path, body, services.catalogue.files)
+    return [session.info for session in await services.sessions.add_all(source)]

@@ -28,7 +28,7 @@ from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.products import mismatch
 from imuscope.server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
 from imuscope.server.configuration.settings_reader import plain_values
-from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, from_text
+from imuscope.server.configuration.snapshots import Snapshot, SnapshotError
 from imuscope.server.errors import DomainError
 from imuscope.server.wire_codec import to_json_safe
 
@@ -112,7 +112,7 @@ async def keep_snapshot(body: SaveRequest, controller: OneController, controller
         raise DomainError("bad-request", "A snapshot needs a name.", "For example: New mast fitted.")
     protocol, serial_number = _identity(controller)
     if body.text:
-        parsed = _of_protocol(controller, await _parsed(body.text))
+        parsed = _of_protocol(controller, await _parsed(body.text, controllers))
         snapshot = replace(parsed, title=title, pinned=True, taken=controller.bus.now())
         reason = f"From a file of {snapshot.product or 'a device'} {snapshot.serial_number}".strip()
         snapshot = replace(snapshot, protocol=protocol, serial_number=serial_number, reason=reason, imported=True)
@@ -190,7 +190,7 @@ async def _side(ref: SideRef, controller: DeviceController, controllers: Control
             from_device = owner is controller and not snapshot.imported
             return _snapshot(controller, snapshot, title, from_device)
         case "text":
-            snapshot = _of_protocol(controller, await _parsed(ref.text))
+            snapshot = _of_protocol(controller, await _parsed(ref.text, controllers))
             return _snapshot(controller, snapshot, snapshot.title or "File", False)
 
 
@@ -243,9 +243,9 @@ async def _load(controller: DeviceController, controllers: ControllerRegistry, n
         raise DomainError("bad-snapshot", str(error), error.hint) from None
 
 
-async def _parsed(text: str) -> Snapshot:
+async def _parsed(text: str, controllers: ControllerRegistry) -> Snapshot:
     try:
-        return await asyncio.to_thread(from_text, text)  # takes seconds for the largest files
+        return await asyncio.to_thread(controllers.snapshots.read, text)
     except SnapshotError as error:
         raise DomainError("bad-snapshot", str(error), error.hint) from None
 

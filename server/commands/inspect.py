@@ -29,12 +29,12 @@ from imuscope.protocols.framing import Ints
 from imuscope.protocols.mixed_protocols import MixedProtocolDetector
 from imuscope.protocols.registry import PROTOCOLS, ProtocolInfo, detect, family_of
 from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
-from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.recordings.mcap_records import MAGIC
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.known_files import known_file
 from imuscope.recordings.readers.registry import marked_reader
-from imuscope.recordings.sources import McapSource
 from imuscope.server.commands.common import temporary_copy
 from imuscope.server.commands.inspect_table import InspectTable
 from imuscope.server.commands.replay import choose_device

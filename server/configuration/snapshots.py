@@ -29,11 +29,10 @@ lacks are listed under `missing` with the reason. A file is written completely o
 (recordings/atomic_write.py).
 
 ruamel.yaml, which keeps comments, is not used: a file is written once and never written again, so there are none to
-keep, and each comment would have to be attached to its value by hand. It reads 5 kB in 107 ms (162 ms with comments)
-and writes them in 82 ms; here that takes 12 ms and 0.5 ms. The page reads up to 200 files for its list.
+keep, and each comment would have to be attached to its value by hand. It writes 5 kB in 82 ms; here that takes 0.5 ms.
 
-A name never becomes a path: it is looked up among the existing files. Text from outside must not contain anchors (a few
-lines of them expand to gigabytes) and is limited in size; its structure is checked here, its meaning by the driver.
+A name never becomes a path: it is looked up among the existing files. A text is read by snapshot_text.py, in a server
+in a process of its own; its meaning is checked by the driver.
 """
 
 from __future__ import annotations
@@ -46,33 +45,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from importlib import import_module
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from imuscope.protocols.schema import Field, Setting
 from imuscope.recordings import atomic_write
 from imuscope.recordings.explained_error import ExplainedError
-from imuscope.recordings.mcap_writer import check_format_version
 from imuscope.server.configuration.api_models import SnapshotBody, SnapshotInfo
 from imuscope.server.configuration.value_format import comment, entry_comment
 
 FORMAT = 1
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times as fast
 RECENT = 20  # newest snapshots that are searched for an earlier value; reading all would take seconds
 MAX_FILES = 200  # of one device; the oldest that are not pinned are deleted first
-MAX_BYTES = 1 << 18  # ten times the largest device; reading this much takes seconds
-MAX_DEEP = 40  # nesting; reading time grows with its square, so a file of 3 kB could take seconds
 MAX_TITLE = 120
 _PLAIN_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*\Z")
-_OPENING = (
-    yaml.FlowSequenceStartToken,
-    yaml.FlowMappingStartToken,
-    yaml.BlockSequenceStartToken,
-    yaml.BlockMappingStartToken,
-)
-_CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndToken)
 _YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 
 
@@ -229,102 +216,6 @@ def _line(text: str) -> str:
     return " ".join(text.split())
 
 
-def from_text(text: str) -> Snapshot:
-    """Read a snapshot.
-
-    Raises:
-        SnapshotError: the text is not a valid snapshot.
-    """
-    head = _mapping(_loaded(text), "A snapshot")
-    if why := check_format_version("This snapshot", head.get("imuscope"), FORMAT):
-        raise SnapshotError(why.message, why.hint)
-    if head.get("imuscope") != FORMAT:
-        raise SnapshotError(
-            "This is not a snapshot of imuscope.", f"A snapshot contains `imuscope: {FORMAT}` in its first lines."
-        )
-    values = {}
-    for name, fields in _mapping(head.get("settings") or {}, "settings").items():
-        values[str(name)] = _jsonable(_mapping(fields, f"settings.{name}"), f"settings.{name}")
-    missing = _mapping(head.get("missing") or {}, "missing")
-    return Snapshot(
-        protocol=str(head.get("protocol", "")),
-        product=str(head.get("product", "")),
-        serial_number=str(head.get("serial_number", "")),
-        firmware=str(head.get("firmware", "")),
-        title=str(head.get("title", ""))[:MAX_TITLE],
-        reason=str(head.get("reason", "")),
-        taken=_time(head.get("taken")),
-        pinned=head.get("pinned") is True,
-        imported=head.get("imported") is True,
-        values=values,
-        missing={str(name): str(why) for name, why in missing.items()},
-    )
-
-
-def _loaded(text: str) -> Any:
-    if len(text) > MAX_BYTES:
-        raise SnapshotError("This file is too large for a snapshot.", f"The maximum is {MAX_BYTES} characters.")
-    try:
-        deep = 0
-        for token in yaml.scan(text, Loader=_LOADER):
-            if isinstance(token, yaml.ScalarToken) and any("\ud800" <= one <= "\udfff" for one in token.value):
-                raise SnapshotError(
-                    f"Line {token.start_mark.line + 1} contains an unpaired surrogate.", "Check whether it was edited."
-                )
-            deep += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
-            if deep > MAX_DEEP:
-                raise SnapshotError(
-                    f"Line {token.start_mark.line + 1}: nested too deeply for a snapshot.",
-                    "Check whether it was truncated or edited.",
-                )
-            if isinstance(token, yaml.AnchorToken | yaml.AliasToken | yaml.TagToken):
-                raise SnapshotError(
-                    f"Line {token.start_mark.line + 1}: anchors and tags are not allowed in a snapshot.",
-                    "Write the values out.",
-                )
-        return yaml.load(text, Loader=_LOADER)
-    except SnapshotError:
-        raise
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"Line {mark.line + 1}: " if mark is not None else ""
-        problem = getattr(error, "problem", None) or "it is malformed"
-        raise SnapshotError(
-            f"{where}this is not valid YAML: {problem}.", "Check whether it was truncated or edited."
-        ) from None
-    except (RecursionError, ValueError) as error:
-        raise SnapshotError(f"This is not valid YAML: {error}.", "Check whether it was truncated or edited.") from None
-
-
-def _mapping(value: Any, what: str) -> dict[Any, Any]:
-    if not isinstance(value, dict):
-        raise SnapshotError(f"{what} must be names with values.", "Compare with a snapshot saved here.")
-    return value
-
-
-def _jsonable(value: Any, path: str) -> Any:
-    """The value, restricted to the types of wire values."""
-    if isinstance(value, dict):
-        return {str(name): _jsonable(part, f"{path}.{name}") for name, part in value.items()}
-    if isinstance(value, list):
-        return [_jsonable(part, f"{path}.{place}") for place, part in enumerate(value)]
-    if isinstance(value, int) and value.bit_length() > 64:
-        raise SnapshotError(
-            f"{path} is a number of more than 64 bits, which no setting can hold.", "Check whether it was edited."
-        )
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    raise SnapshotError(f"{path} is a {type(value).__name__}, which no setting can hold.", "Quote it if it is text.")
-
-
-def _time(value: Any) -> float:
-    try:
-        when = value if isinstance(value, datetime) else datetime.fromisoformat(str(value))
-        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
-    except (ValueError, OverflowError):
-        return 0.0
-
-
 # ── files ────────────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
@@ -335,6 +226,9 @@ class Snapshots:
         folder: <data>/snapshots; created with the first snapshot.
         formerly: protocol and serial number → earlier numbers of the same device.
         max_files: number of files of one device.
+
+    Attributes:
+        read: reads a text: snapshot_text.from_text, or what runs it in another process; raises SnapshotError.
     """
 
     def __init__(
@@ -345,6 +239,7 @@ class Snapshots:
         self._formerly = formerly
         self._lock = threading.Lock()
         self._known: dict[Path, tuple[tuple[int, int], SnapshotInfo]] = {}
+        self.read: Callable[[str], Snapshot] = _read_here
 
     def save(self, snapshot: Snapshot, rows: Mapping[str, Setting]) -> SnapshotInfo:
         """Write a snapshot.
@@ -377,7 +272,7 @@ class Snapshots:
             KeyError: unknown name.
             SnapshotError: it cannot be read.
         """
-        return from_text(self.text(protocol, serial_number, name))
+        return self.read(self.text(protocol, serial_number, name))
 
     def describe(self, protocol: str, serial_number: str) -> Iterator[Mapping[str, Mapping[str, Any]]]:
         """Values that the device reported here: those of its newest snapshots, then of older pinned ones."""
@@ -427,7 +322,7 @@ class Snapshots:
             known = self._known.get(path)
             key = (about.st_mtime_ns, about.st_size)
             if known is None or known[0] != key:
-                known = self._known[path] = (key, _info_of(path))
+                known = self._known[path] = (key, _info_of(path, self.read))
             return known[1]
         except OSError:  # deleted in the meantime
             return None
@@ -452,10 +347,16 @@ class Snapshots:
             atomic_write.remove(paths[name])
 
 
-def _info_of(path: Path) -> SnapshotInfo:
+def _read_here(text: str) -> Snapshot:
+    """Read a text in this process: that of a command, or of a test."""
+    snapshot: Snapshot = import_module("imuscope.server.configuration.snapshot_text").from_text(text)
+    return snapshot
+
+
+def _info_of(path: Path, read: Callable[[str], Snapshot]) -> SnapshotInfo:
     """Snapshot information of a file. An unreadable file is left alone, as a newer imuscope may be able to read it."""
     try:
-        return from_text(path.read_text(encoding="utf-8")).info(path.stem)
+        return read(path.read_text(encoding="utf-8")).info(path.stem)
     except UnicodeDecodeError:
         why = "This file is not text. Check whether another program changed it."
     except SnapshotError as error:

@@ -159,9 +159,13 @@ class Sessions:
         sessions = (one for one in self.all if SourceUrl.parse(one.info.source).same_place(address))
         return next(sessions, None)
 
-    def add_all(self, source: str, reading: DecodeOptions = DecodeOptions()) -> list[Session]:  # noqa: B008 - frozen
+    async def add_all(
+        self,
+        source: str,
+        reading: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
+    ) -> list[Session]:
         """Open a source, or each device of a recording. As `add`; returns at least one session."""
-        return [self.add(one, reading) for one in split_devices(source)]
+        return [self.add(one, reading) for one in await split_devices(source)]
 
     def on_added(self, callback: Callable[[Session], None]) -> None:
         """Call `callback` with every session, before it starts."""

@@ -1,8 +1,9 @@
 """The library as shown on the page: the folder's recordings, their state, and notification of changes.
 
-    recordings/library.py           files in the folder
-    server/library/column_cache.py  decoded recordings      ──> RecordingInfo, and the op `library` on every change
-    bus.recorder                    the running recording
+    recordings/library.py            files in the folder
+    server/library/foreign_files.py  their metadata         ──> RecordingInfo, and the op `library` on every change
+    server/library/column_cache.py   decoded recordings
+    bus.recorder                     the running recording
 
 Information beyond the file (motion, losses, counts) is stored when the columns of a recording are first found. A
 recording made here is opened for that as soon as it is compacted; others, and those that only an earlier decoder has
@@ -16,16 +17,19 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.library import Library, LibraryEntry
+from imuscope.recordings.library import Library
+from imuscope.recordings.library_entry import LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.recording_probe import TABLE_FORMATS, RecordingProbe
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.heartbeat import beat
 from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache
+from imuscope.server.library.foreign_files import ForeignFiles
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.tasks import end_tasks
@@ -44,12 +48,17 @@ class Catalogue:
     Args:
         library: the folder.
         columns: its decoded recordings.
+        files: reads their contents.
     """
 
-    def __init__(self, bus: TelemetryBus, clients: ClientFanout, library: Library, columns: ColumnCache) -> None:
+    def __init__(
+        self, bus: TelemetryBus, clients: ClientFanout, library: Library, columns: ColumnCache, files: ForeignFiles
+    ) -> None:
         self.library = library
+        self.files = files
         self._columns = columns
         self._bus, self._clients = bus, clients
+        self._reading = asyncio.Lock()
         self._stamp: object = None
         self._listing: list[LibraryEntry] | None = None  # of an earlier check; None once it may be out of date
         self._checks = 0
@@ -60,16 +69,62 @@ class Catalogue:
 
     async def all(self, search: str = "") -> list[RecordingInfo]:
         """All recordings, newest first; then those in the bin."""
-        entries = await asyncio.to_thread(self.library.all, search)
+        entries = await self.entries(search)
         if await self._index(entries):
             entries = await asyncio.to_thread(self.library.all, search)
         if self._clients.browsers:  # the user will probably open one
             self._listed = time.monotonic()
             self._cache(self._columns.prepare(), "preparing to open")
+            self._cache(self.files.prepare(), "preparing to read files")
         return [self.to_api(entry) for entry in entries]
 
+    async def entries(self, search: str = "") -> list[LibraryEntry]:
+        """As Library.all, after new files have been read."""
+        async with self._reading:
+            await self._read()
+        return await asyncio.to_thread(self.library.all, search)
+
+    async def entry(self, recording: str) -> LibraryEntry:
+        """As Library.get, after it has been read, if it is new. KeyError: not found."""
+        await self._read(recording)
+        return await asyncio.to_thread(self.library.get, recording)
+
+    async def _read(self, recording: str = "") -> None:
+        """Read new files, or those of one recording."""
+        unread = await asyncio.to_thread(self.library.unread, recording, self._written)
+        if not unread:
+            return
+        probes = await self.files.probe(list(unread))
+        tables = [path for path, probe in zip(unread, probes, strict=True) if probe and probe.format in TABLE_FORMATS]
+        headings = await self.headings(tables) if self.library.tables else {}
+        for (path, stamp), probe in zip(unread.items(), probes, strict=True):
+            self.library.learn(path, stamp, probe, headings.get(path, ()))
+
+    async def headings(self, tables: Sequence[Path]) -> dict[Path, list[str]]:
+        """Headings of tables; [] for one that has none."""
+        headings: dict[Path, list[str]] = {}
+        for path in tables:
+            with contextlib.suppress(RecordingError, OSError):
+                function = "imuscope.recordings.table_preview:heading_of"
+                headings[path] = await self.files.call(function, path, returns=list[str], user="the library")
+        return headings
+
+    async def add_upload(self, path: Path, user: str = "") -> LibraryEntry:
+        """Check a complete upload and add it to the list.
+
+        Raises:
+            RecordingError, DomainError: it is not a recording that can be opened.
+            OSError: it cannot be read.
+        """
+        function = "imuscope.recordings.table_preview:check_upload"
+        probe: RecordingProbe | None
+        probe = await self.files.call(function, path, returns=RecordingProbe | None, user=user)
+        tables = [path] if probe is not None and probe.format in TABLE_FORMATS and self.library.tables else []
+        heading = (await self.headings(tables)).get(path, ())
+        return await asyncio.to_thread(self.library.add_file, path, probe, heading)
+
     def info(self, recording: str) -> RecordingInfo:
-        """Information about one recording; KeyError for an unknown id."""
+        """Information about one recording that was listed; KeyError for an unknown id."""
         return self.to_api(self.library.get(recording))
 
     def markers(self, recording: str) -> list[MarkerInfo]:
@@ -132,6 +187,7 @@ class Catalogue:
     def changed(self) -> None:
         """Publish a change of the library."""
         self._listing = None
+        self._columns.end_orphans()
         self._bus.library_changed()
 
     def finished(self, path: Path) -> None:
@@ -180,9 +236,10 @@ class Catalogue:
         self._cache(asyncio.to_thread(self._columns.warm), "preparing the library")
 
     async def close(self) -> None:
-        """Stop watching the folder."""
+        """Stop watching the folder, and reading files."""
         tasks = [*self._refreshing, *([self._watcher] if self._watcher is not None else [])]
         await end_tasks(*tasks)
+        await self.files.close()
 
     async def _watch(self) -> None:
         while True:
@@ -194,14 +251,18 @@ class Catalogue:
             except Exception:
                 log.exception("checking the library failed")
 
-    async def _refresh(self) -> None:
+    @property
+    def _written(self) -> str:
+        """Id of the recording that is being written; "" for none."""
         now = self._bus.recorder.latest
-        written = now.id if now is not None and now.running else ""
-        stamp = await asyncio.to_thread(self.library.stamp, written)
+        return now.id if now is not None and now.running else ""
+
+    async def _refresh(self) -> None:
+        stamp = await asyncio.to_thread(self.library.stamp, self._written)
         self._checks += 1
         entries = self._listing
         if entries is None or stamp != self._stamp or self._checks % LISTS_EVERY == 0:
-            entries = self._listing = await asyncio.to_thread(self.library.all)
+            entries = self._listing = await self.entries()
         has_changed = await self._index(entries)
         if has_changed or (self._stamp is not None and stamp != self._stamp):
             self.changed()

@@ -31,10 +31,12 @@ from pathlib import Path
 from imuscope.recordings.column_store import VERSION, ColumnStore
 from imuscope.recordings.file_reading import FileReading
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.resource_limits import seconds_for
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.library.cache_provenance import CHANGED, is_stale
 from imuscope.server.library.decoder_fingerprint import decoding_mark
+from imuscope.server.library.foreign_files import MALICIOUS
 from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
 
@@ -44,6 +46,7 @@ KEPT_OPEN = 16
 AT_ONCE = 2  # recordings decoded at a time: each may use a large part of the memory (recordings/resource_limits.py)
 CACHE_BYTES = 20 << 30
 SHARE_OF_DISK = 4  # the cache takes at most one part in so many of what the disk has besides
+WAIT_SHARE = 5  # opening may take so many times the processor time that it may take
 ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened
 SPARE_S = 120.0  # lifetime of a process started in advance
 FAILED_FOR_S = 5.0  # an error is returned again for this long before another attempt
@@ -55,6 +58,7 @@ OPENER = "imuscope.server.decode_worker"
 class DecodeJob:
     """A recording that is being decoded; `partial`: the part decoded so far, if it can be read."""
 
+    path: Path
     progress: float = 0.0
     partial: ColumnStore | None = None
     error: RecordingError | None = None
@@ -127,7 +131,7 @@ class ColumnCache:
         self._opening = {one: job for one, job in self._opening.items() if job.is_current}
         opening = self._opening.get(store)
         if opening is None:
-            opening = self._opening[store] = DecodeJob()
+            opening = self._opening[store] = DecodeJob(self._path_of(recording))
             work = self._decode(recording, store, opening)
             opening.task = asyncio.get_running_loop().create_task(work, name=f"opening {recording}")
         return opening
@@ -144,7 +148,7 @@ class ColumnCache:
             if isinstance(store, ColumnStore):
                 return store
             if store.task is not None:
-                await asyncio.shield(store.task)
+                await asyncio.wait({store.task})
             if store.error is not None:
                 raise store.error
             columns = self.cached(recording)
@@ -221,6 +225,9 @@ class ColumnCache:
                 await self._run(recording, store, opening)
         except RecordingError as error:
             opening.error, opening.failed_at = error, time.monotonic()
+        except asyncio.CancelledError:
+            opening.error, opening.failed_at, opening.task = RecordingError(*CHANGED), time.monotonic(), None
+            raise
         except KeyError:  # it was deleted while it waited; it may be restored
             opening.error, opening.failed_at = RecordingError(*CHANGED), time.monotonic()
         except OSError as error:
@@ -238,17 +245,26 @@ class ColumnCache:
             raise RecordingError(*CHANGED)
         worker = await self._take_worker()
         try:
-            worker.request(request)
-            async for key in worker:
-                if "progress" in key:
-                    opening.progress = key["progress"]
-                elif "shown" in key:
-                    with contextlib.suppress(OSError, ValueError, KeyError):  # it may be done by now
-                        opening.partial = ColumnStore(Path(key["shown"]))
-            if await worker.wait() != 0:
-                raise RecordingError("Opening it failed.", "The log has details.")
+            async with asyncio.timeout(WAIT_SHARE * seconds_for(path.stat().st_size)):
+                worker.request(request)
+                async for key in worker:
+                    if "progress" in key:
+                        opening.progress = key["progress"]
+                    elif "shown" in key:
+                        with contextlib.suppress(OSError, ValueError, KeyError):  # it may be done by now
+                            opening.partial = ColumnStore(Path(key["shown"]))
+                if await worker.wait() != 0:
+                    raise RecordingError("Opening it failed.", "The log has details.")
+        except TimeoutError:
+            raise RecordingError("Opening the recording takes too long.", MALICIOUS) from None
         finally:
             await worker.end()
+
+    def end_orphans(self) -> None:
+        """End the opening of recordings whose files are gone."""
+        for opening in self._opening.values():
+            if opening.task is not None and not opening.path.exists():
+                opening.task.cancel()
 
 
 def _sweep(cache: Path, most: int) -> list[Path]:

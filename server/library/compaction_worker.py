@@ -14,8 +14,9 @@ from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 
-from imuscope.recordings import compaction, file_lock
+from imuscope.recordings import file_lock
 from imuscope.recordings.mcap_writer import SUFFIX
+from imuscope.recordings.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
 from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
 
@@ -96,7 +97,7 @@ def uncompacted(folder: Path) -> list[Path]:
 
     Files that another process writes or compacts are left alone.
     """
-    for temporary in folder.glob(f".*{compaction.TEMPORARY_SUFFIX}"):
+    for temporary in folder.glob(f".*{TEMPORARY_SUFFIX}"):
         if not file_lock.is_in_use(temporary):
             temporary.unlink(missing_ok=True)
-    return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if compaction.is_uncompacted(path)]
+    return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if is_uncompacted(path)]

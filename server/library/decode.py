@@ -37,10 +37,11 @@ from imuscope.recordings.file_reading import FileReading
 from imuscope.recordings.freed_memory import keep_freed_memory
 from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.importers import CaptureSource
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.formats.log_clock import LogTimes
-from imuscope.recordings.sources import ChunkBlock, McapSource, Source, damage_of
+from imuscope.recordings.sources import ChunkBlock, Source, damage_of
 from imuscope.recordings.tabular import TableSource
 from imuscope.server import previous_names, wire, wire_codec
 from imuscope.server.devices.decode_options import DecodeOptions, recorded
@@ -486,10 +487,3 @@ def _note(body: Mapping[str, Any]) -> dict[str, Any]:
         "text": str(body.get("text", "")),
         "device": str(body.get("device", "")),
     }
-
-
-def usual_interval(columns: ColumnStore, channel: int) -> float:
-    """Median time between two samples of a channel, s; 0 if it has fewer than two."""
-    rows = columns.exact(channel, 0, 4096, columns=[])
-    steps = np.diff(np.where(np.isnan(rows.time), rows.arrival, rows.time))
-    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from imuscope.recordings.clock_steps import StepOfClock, step_words
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from imuscope.recordings.mcap_reader import remark
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.sources import damage_of
+from imuscope.recordings.sources import damage_of, remark
 from imuscope.recordings.table_axis import TimeAxis
 from imuscope.recordings.table_headings import axis_of, grouped
 from imuscope.recordings.tabular import DEVICE, TableRows, TableSource

@@ -29,7 +29,6 @@ from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.column_cache import ColumnCache
-from imuscope.server.library.zip_download import one_file
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
@@ -53,7 +52,7 @@ class ExportWork:
     Args:
         format, words: as published.
         module: of the subprocess, which writes like server/library/export_worker.py.
-        message: its request; `store`, `source`, `title` and `out` are added.
+        message: its request; `store`, `source`, `title`, `stem` and `out` are added.
         stem, suffix: of the file; several files become one zip.
     """
 
@@ -196,7 +195,7 @@ class ExportJobs:
                 published.state = "running"
                 self._publish()
                 files = await self._written(job, title)
-                job.file = await asyncio.to_thread(one_file, files, job.folder, f"{job.work.stem}-{published.format}")
+                job.file = files[0]
                 published.state, published.progress, published.size = "done", 1.0, job.file.stat().st_size
                 published.file = job.file.name
                 self._make_room()
@@ -245,6 +244,7 @@ class ExportJobs:
             "store": str(self._columns.store_of(recording)),
             "source": str(self._catalogue.library.known_path(recording)),
             "title": title,
+            "stem": f"{job.work.stem}-{job.work.format}",
             "out": str(job.folder / f"{job.work.stem}{job.work.suffix}"),
         }
         worker = await Worker.start(job.work.module)

@@ -1,8 +1,8 @@
 """`python -m imuscope.server.library.export_worker`: write one export in a subprocess, for export_jobs.py.
 
-The request comes on standard input, one JSON object: format, store, source, title, t0, t1, channels, device, base, out.
-The output are JSON lines: {"progress": 0..1}, then {"files": […]}, or {"message", "hint"} for an error. A process that
-is stopped (SIGTERM) leaves no files behind.
+The request comes on standard input, one JSON object: format, store, source, title, t0, t1, channels, device, base, out,
+and stem, of the zip if there are several files. The output are JSON lines: {"progress": 0..1}, then {"files": […]}, or
+{"message", "hint"} for an error. A process that is stopped (SIGTERM) leaves no files behind.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.exporters.request import ExportStep
 from imuscope.recordings.parent_death import report_to_parent
+from imuscope.server.library.zip_download import one_file
 from imuscope.server.worker_process import begin, progress_reports, reporting
 
 
@@ -30,6 +31,8 @@ def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> None:
     request = begin(10)
     with reporting("The export", "Export a shorter time range.", _failed):
         files = work(request, progress_reports())
+        if request.get("stem"):
+            files = [one_file(files, Path(request["out"]).parent, request["stem"])]
     report_to_parent(files=[str(file) for file in files])
 
 

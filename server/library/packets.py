@@ -19,11 +19,12 @@ import numpy as np
 
 from imuscope.protocols.family import ProtocolInfo
 from imuscope.protocols.framing import Ints
+from imuscope.protocols.registry import family_of
 from imuscope.protocols.schema import Message
 from imuscope.protocols.transactions import ByteRange, DeviceDriver
 from imuscope.recordings.column_store import Base, ColumnStore
-from imuscope.recordings.sources import Source
 from imuscope.server.devices.byte_memory import ByteRun, LinkMemory
+from imuscope.server.errors import DomainError
 from imuscope.server.library.range_query import stored_values
 from imuscope.server.library.reject_reasons import explained_rejects
 from imuscope.server.streaming.channel_store import StoredChannel
@@ -114,19 +115,6 @@ def live_bytes(link: LinkMemory, preamble: bytes) -> Read:
     return lambda since_ns, until_ns: (preamble, link.runs(since_ns, until_ns))
 
 
-def recorded_bytes(source: Source, device: str) -> Read:
-    def read(since_ns: int, until_ns: int) -> tuple[bytes, list[ByteRun]]:
-        runs = []
-        for part in source.parts(since_ns, until_ns):
-            if part.device == device:
-                run = ByteRun(part.direction, part.data, part.ends, part.times).between(since_ns, until_ns)
-                runs += [run] if run is not None else []
-        preamble = getattr(source, "preamble", None)
-        return (preamble(device) if preamble is not None else b""), runs
-
-    return read
-
-
 @dataclass(frozen=True, slots=True)
 class _Near:
     """Bytes around an arrival, with the end and the arrival of each chunk."""
@@ -212,6 +200,23 @@ def packets_around(
         if packet.kind in ("frame", "sent"):
             _explain(packet, family, driver)
     return PacketView(device, family.name, at - low, moment.time, shown)
+
+
+def required_family(protocol: str) -> ProtocolInfo:
+    """The family of a protocol. DomainError: it is not known."""
+    family = family_of(protocol)
+    if family is None:
+        raise DomainError(
+            "not-found", "The protocol of this device is not known.", "Its bytes cannot be divided into frames."
+        )
+    return family
+
+
+def available(view: PacketView | None) -> PacketView:
+    """The view. DomainError: there is none."""
+    if view is None:
+        raise DomainError("not-found", "No bytes were received around that time.", "Choose a time within a plot.")
+    return view
 
 
 def _packets(near: _Near, family: ProtocolInfo, settings: Mapping[str, Any], preamble: bytes) -> list[PacketInfo]:

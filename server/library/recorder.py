@@ -112,6 +112,7 @@ class Recorder:
         self.plan = plan
         self.waiting: Callable[[], Collection[Path]] = lambda: ()
         """Recordings to be uploaded first, which the quota deletes only when the disk is short. For any thread."""
+        self.pinned_in_file: quota.PinnedInFile = lambda path: True
         self.signals = signals
         self._wall_ns = wall_ns
         self._bus = bus
@@ -457,10 +458,10 @@ class Recorder:
         if quota.excess_bytes(folder, most) <= 0:
             return
         waiting = self.waiting()
-        deleted = quota.cull(folder, most, [*spare, *waiting])
+        deleted = quota.cull(folder, most, self.pinned_in_file, [*spare, *waiting])
         if deleted:
             self._soon(self._notice, f"Over the quota, the oldest recordings were deleted: {_stems(deleted)}.")
-        lost = quota.cull(folder, most, spare, only_if_short=True) if waiting else []
+        lost = quota.cull(folder, most, self.pinned_in_file, spare, only_if_short=True) if waiting else []
         if lost:
             words = f"The disk is short: recordings were deleted before they were uploaded: {_stems(lost)}."
             self._soon(self._notice, words, "error")

@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server import wire_codec
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.library.api_models import RecordingDetail, RecordingInfo
-from imuscope.server.library.decode import usual_interval
 from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, EventInfo
 
 
@@ -73,7 +74,7 @@ def detail(info: RecordingInfo, store: ColumnStore, markers: list[MarkerInfo] | 
         events=[EventInfo(**event) for event in manifest["events"]],
         markers=sorted([*own, *(markers or [])], key=lambda marker: marker.time),
         snapshots=manifest["snapshots"],
-        longest_s={str(number): usual_interval(store, number) for number in store.shapes},
+        longest_s={str(number): _usual_interval(store, number) for number in store.shapes},
         progress=progress,
         begins=begins(store),
     )
@@ -91,3 +92,10 @@ def begins(store: ColumnStore) -> dict[str, float]:
 def as_json(detail: RecordingDetail) -> Any:
     """JSON form of the details."""
     return wire_codec.to_json_safe(detail)
+
+
+def _usual_interval(columns: ColumnStore, channel: int) -> float:
+    """Median time between two samples of a channel, s; 0 if it has fewer than two."""
+    rows = columns.exact(channel, 0, 4096, columns=[])
+    steps = np.diff(np.where(np.isnan(rows.time), rows.arrival, rows.time))
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0

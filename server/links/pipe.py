@@ -22,7 +22,7 @@ from typing import BinaryIO, cast
 from imuscope.protocols import registry
 from imuscope.protocols.events import Decoder
 from imuscope.recordings.capture_timing import LONGEST_PAUSE_NS, CaptureTiming
-from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.recordings.mcap_records import MAGIC
 from imuscope.server.links.base import Chunk, LinkError, Progress
 from imuscope.server.links.capture_file import FULL_BYTES, FileLink
 from imuscope.server.links.detection_text import describe_bytes

@@ -20,15 +20,12 @@ from urllib.parse import quote
 
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.protocols.registry import OF_FILES
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.message_source import MessageFile
-from imuscope.recordings.replay import ReplayClock, extent
-from imuscope.recordings.sources import McapSource
-from imuscope.recordings.sources import Source as File
+from imuscope.recordings.replay import ReplayClock
 from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
 from imuscope.server.links.capture_file import FULL_BYTES, SPEEDS, FileLink
+from imuscope.server.links.played_file import PlayedFile
 from imuscope.server.links.reader_thread import ChunkQueue
 from imuscope.server.links.source_url import SourceUrl, bad
 from imuscope.server.links.text import progress_line
@@ -52,7 +49,7 @@ def is_recording(place: str) -> bool:
         return False
 
 
-def split_devices(text: str) -> list[str]:
+async def split_devices(text: str) -> list[str]:
     """One source for each device of a recording; any other source unchanged."""
     try:
         source = SourceUrl.parse(text)
@@ -61,9 +58,11 @@ def split_devices(text: str) -> list[str]:
     if source.kind != "file" or "device" in source.options or not is_recording(source.place):
         return [text]
     try:
-        devices = open_file(Path(source.place)).devices
-    except RecordingError:
+        file = await _opened(Path(source.place))
+    except (RecordingError, OSError):
         return [text]
+    devices = file.devices
+    await file.end()
     if len(devices) < 2:
         return [text]
     options = [f"{name}={value}" for name, value in source.options.items()]
@@ -74,6 +73,17 @@ def split_devices(text: str) -> list[str]:
             mine.append(f"protocol={device.protocol}")
         sources.append(f"{source.place}?{'&'.join(mine)}")
     return sources
+
+
+async def _opened(path: Path, protocol: str = "") -> PlayedFile:
+    """A file in a process of its own. RecordingError, OSError: it cannot be read."""
+    file = await PlayedFile.start(path)
+    try:
+        await asyncio.to_thread(file.open, protocol)
+    except BaseException:
+        await file.end()
+        raise
+    return file
 
 
 class ReplayLink(FileLink):
@@ -90,6 +100,7 @@ class ReplayLink(FileLink):
         self.device = parsed.options.get("device", "")
         self.begin_s = parsed.number("from", 0, 0, LONGEST_S, "s")
         self.end_s = parsed.number("to", LONGEST_S, 0, LONGEST_S, "s")
+        self._file: PlayedFile | None = None
         if self.end_s <= self.begin_s:
             raise bad(source, f"it would end ({self.end_s:g} s) before it begins ({self.begin_s:g} s)")
 
@@ -97,21 +108,33 @@ class ReplayLink(FileLink):
         await self.close()
         self._head()  # raises a LinkError with the reason if it cannot be read
         try:
-            file, span = await asyncio.to_thread(self._open_file)
+            self._file = file = await _opened(self.path, self.settings.protocol)
         except RecordingError as error:
             raise LinkError("refused", error.message, error.hint or "Give another recording.") from None
+        except OSError as error:
+            words = (error.strerror or str(error)).lower()
+            raise LinkError("refused", f"No process can be started for the file: {words}.", "Try again.") from None
+        try:
+            await self._start(file, progress)
+        except BaseException:
+            await self.close()
+            raise
+
+    async def _start(self, file: PlayedFile, progress: Progress | None) -> None:
+        span = file.span
         if span is None:
             raise LinkError("ended", f"{self.path.name} holds no bytes of a device.", "Give another recording.")
         device = self._chosen(file)
         if (known := file.devices.get(device)) is not None and known.protocol in (MESSAGES, *OF_FILES):
             self.protocol = known.protocol
-        if self.protocol == MESSAGES and isinstance(file, McapSource | MessageFile):
+        if self.protocol == MESSAGES:
             self.preamble = file.preamble(device)
         progress_line(progress, self.path.name, f"{(span[1] - span[0]) / 1e9:.1f} s of device {device}")
         self.notices = [damage.words for damage in file.damage[:1]]
         self._stop.clear()
         self._queue = ChunkQueue(self)
-        replay = ReplayClock(
+        replay = await asyncio.to_thread(
+            ReplayClock,
             file,
             self.settings.now_ns,
             speed=self.speed,
@@ -125,11 +148,16 @@ class ReplayLink(FileLink):
         self._thread = threading.Thread(target=self._play, args=arguments, name=f"link {self.source}", daemon=True)
         self._thread.start()
 
-    def _open_file(self) -> tuple[File, tuple[int, int] | None]:
-        file = open_file(self.path, self.settings.protocol)
-        return file, extent(file)
+    async def close(self) -> None:
+        self._stop.set()
+        file, self._file = self._file, None
+        if file is not None:
+            file.cut()
+        await super().close()
+        if file is not None:
+            await file.end()
 
-    def _chosen(self, file: File) -> str:
+    def _chosen(self, file: PlayedFile) -> str:
         """Device whose bytes are replayed."""
         known = list(file.devices)
         if not self.device and len(known) > 1:
@@ -170,8 +198,5 @@ class ReplayLink(FileLink):
                     return
                 if wait_for(wait_ns / 1e9):
                     return
-        except OSError as error:
-            words = f"{self.path} cannot be read any more: {error.strerror}."
-            inbox.fail(LinkError("gone", words, "Check the disk."))
         except RecordingError as error:
             inbox.fail(LinkError("gone", error.message, error.hint or "Give another recording."))

@@ -87,7 +87,7 @@ def make(path: Path, minutes: float) -> None:
 def measure(path: Path, store: Path) -> dict[str, float]:
     """Work of the separate process; figures in s and MB."""
     from imuscope.recordings.column_store import ColumnStore
-    from imuscope.recordings.sources import McapSource
+    from imuscope.recordings.mcap_source import McapSource
     from imuscope.server.devices.protocol_set import all_protocols
     from imuscope.server.library.decode import decode
 

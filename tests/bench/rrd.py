@@ -110,7 +110,7 @@ def main() -> None:
         (folder / "recordings").mkdir()
         path = folder / "recordings" / "hour.mcap"
         make(path, minutes)
-        from imuscope.recordings.sources import McapSource
+        from imuscope.recordings.mcap_source import McapSource
         from imuscope.server.devices.protocol_set import all_protocols
         from imuscope.server.library.decode import decode
 

@@ -32,7 +32,8 @@ from websockets.typing import Subprotocol
 
 from imuscope.protocols.idtp.frames import build
 from imuscope.protocols.nmea import sentence
-from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC
+from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK
+from imuscope.recordings.mcap_records import MAGIC
 from imuscope.server import wire
 from tests.bench.serial_device import frame
 from tests.timeouts import PATIENCE_S, connect, http_client

@@ -38,13 +38,13 @@ from mcap.writer import Writer as LibraryWriter
 
 from imuscope.recordings.compaction import compact
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.library import Library
-from imuscope.recordings.mcap_reader import MAGIC
+from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.probe import probe
 from imuscope.recordings.sidecar import VERSION, Edits
 from imuscope.server.config import ConfigError, load
-from imuscope.server.configuration.snapshots import SnapshotError, from_text
+from imuscope.server.configuration.snapshot_text import from_text
+from imuscope.server.configuration.snapshots import SnapshotError
 from imuscope.server.devices.decode_options import DecodeOptionError, checked_options
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.viser import meshes
@@ -52,6 +52,7 @@ from imuscope.server.library.decode import decode
 from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.search import CorpusSearch as Decoders
 from tests.fuzz.search import Smallest
+from tests.read_library import ReadLibrary
 
 PATIENCE_S = 60  # no case takes a second on a quiet machine
 ROOM = 1 << 30  # bytes; a case holds some kB. What threads reserve at once is in it
@@ -81,7 +82,7 @@ def _recording(path: Path, cut: bool) -> None:
 
 def _listed(path: Path, cut: bool) -> None:
     """Files beside a recording: user-given names and cached findings."""
-    library = Library(path.parent)
+    library = ReadLibrary(path.parent)
     for entry in library.all("drive"):
         library.edit(entry.id, Edits(title="again"))
     told = [

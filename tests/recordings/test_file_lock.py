@@ -10,10 +10,12 @@ from pathlib import Path
 import pytest
 
 from imuscope.recordings import file_lock, quota
-from imuscope.recordings.compaction import TEMPORARY_SUFFIX, compact, is_uncompacted
-from imuscope.recordings.library import Library
+from imuscope.recordings.compaction import compact
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
+from imuscope.recordings.probe import is_pinned
 from imuscope.server.library.compaction_worker import uncompacted
+from tests.read_library import ReadLibrary
 from tests.recordings.mcap_files import ABOUT, read
 from tests.server_process import ROOT, tied
 
@@ -52,8 +54,8 @@ def test_a_recording_of_another_process_is_neither_packed_nor_culled_nor_moved(t
         assert uncompacted(tmp_path) == []
         with pytest.raises(RecordingError, match="being recorded"):
             compact(path)
-        assert quota.cull(tmp_path, 1) == []
-        library = Library(tmp_path)
+        assert quota.cull(tmp_path, 1, is_pinned) == []
+        library = ReadLibrary(tmp_path)
         with pytest.raises(RecordingError, match="being recorded"):
             library.delete("drive")
         with pytest.raises(RecordingError, match="being recorded"):

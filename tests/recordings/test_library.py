@@ -14,14 +14,16 @@ from hypothesis import strategies as st
 
 from imuscope.recordings import quota
 from imuscope.recordings.compaction import compact
-from imuscope.recordings.importers import suffixes
+from imuscope.recordings.file_suffixes import suffixes
 from imuscope.recordings.library import INDEX, KEPT_S, STALE_S, Library
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.probe import is_pinned as pinned_in_file
 from imuscope.recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
 from imuscope.recordings.sidecar import Edits, MarkerInfo, sidecar_path
 from imuscope.recordings.upload_names import clean_name
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
+from tests.read_library import ReadLibrary
 from tests.recordings.store_fixtures import NS, START, recording, store
 
 
@@ -36,7 +38,7 @@ def test_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
     recording(tmp_path / "sub" / "hidden.mcap")
     recording(tmp_path / ".hidden.mcap")
     (tmp_path / "README.txt").write_text("notes")
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     assert ids(library) == ["new", "old"]
     for entry in library.all():
         assert entry.title == "Yard loop"
@@ -47,14 +49,14 @@ def test_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
         assert not entry.probe.damaged
     (tmp_path / "old.mcap").unlink()
     assert ids(library) == ["new"]
-    assert ids(Library(tmp_path / "none")) == []
+    assert ids(ReadLibrary(tmp_path / "none")) == []
 
 
 def test_an_unchanged_file_is_not_looked_into_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = recording(tmp_path / "a.mcap")
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     library.all()
-    from imuscope.recordings import library as module
+    from tests import read_library as module
 
     looked: list[Path] = []
     monkeypatch.setattr(module, "probe", lambda path: looked.append(path))
@@ -71,7 +73,7 @@ def test_torn_and_damaged_files_are_listed_with_a_sentence(tmp_path: Path) -> No
     (tmp_path / "stub.mcap").write_bytes(whole[:9])
     (tmp_path / "noise.mtb").write_bytes(b"")
     (tmp_path / "noise.bin").write_bytes(b"\x55" * 5000)
-    found = {entry.id: entry.probe.damaged for entry in Library(tmp_path).all()}
+    found = {entry.id: entry.probe.damaged for entry in ReadLibrary(tmp_path).all()}
     assert not found.pop("whole")
     assert found.keys() == {"torn", "stub", "noise", "noise.bin"}
     assert all(words.endswith(".") for words in found.values())
@@ -80,19 +82,19 @@ def test_torn_and_damaged_files_are_listed_with_a_sentence(tmp_path: Path) -> No
 def test_user_changes_are_stored_beside_the_file(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap")
     before = path.read_bytes()
-    Library(tmp_path).edit("a", Edits(title="New mast", tags=("yard", "höhe"), pinned=True))
-    Library(tmp_path).edit("a", Edits(notes="3 laps"))
-    marker = Library(tmp_path).mark("a", MarkerInfo(START + 0.5, text="later"))
-    entry = Library(tmp_path).get("a")
+    ReadLibrary(tmp_path).edit("a", Edits(title="New mast", tags=("yard", "höhe"), pinned=True))
+    ReadLibrary(tmp_path).edit("a", Edits(notes="3 laps"))
+    marker = ReadLibrary(tmp_path).mark("a", MarkerInfo(START + 0.5, text="later"))
+    entry = ReadLibrary(tmp_path).get("a")
     assert (entry.title, entry.edits.tags, entry.edits.notes) == ("New mast", ("yard", "höhe"), "3 laps")
     assert entry.edits.pinned
-    assert is_pinned(path)
+    assert is_pinned(path, pinned_in_file)
     assert entry.edits.markers == (marker,)
     assert entry.markers == 2
     assert path.read_bytes() == before
     for word in ("mast", "HÖHE", "laps", "mti-630", "0080A1B2", "later", "new mast yard"):
-        assert ids(Library(tmp_path), word) == ["a"], word
-    assert ids(Library(tmp_path), "new drone") == []
+        assert ids(ReadLibrary(tmp_path), word) == ["a"], word
+    assert ids(ReadLibrary(tmp_path), "new drone") == []
 
 
 def test_the_files_own_metadata_counts_without_a_sidecar(tmp_path: Path) -> None:
@@ -101,7 +103,7 @@ def test_the_files_own_metadata_counts_without_a_sidecar(tmp_path: Path) -> None
         title="From elsewhere", tags=("x",), pinned=True, markers=(MarkerInfo(START, text="there", id=1_000_001),)
     )
     compact(path, edit=edits.as_metadata())
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     assert library.get("a").edits == edits
     library.edit("a", Edits(pinned=False))
     assert library.get("a").edits == Edits("From elsewhere", ("x",), None, False, edits.markers)
@@ -110,11 +112,11 @@ def test_the_files_own_metadata_counts_without_a_sidecar(tmp_path: Path) -> None
 
 def test_a_damaged_sidecar_is_reported_and_keeps_the_recording_pinned(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap")
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     library.edit("a", Edits(title="Precious", pinned=True))
     sidecar_path(path).write_text(sidecar_path(path).read_text()[:-9])
     assert "a.mcap.json is damaged" in library.get("a").probe.damaged
-    assert is_pinned(path)
+    assert is_pinned(path, pinned_in_file)
 
 
 @each_row("text", ["[" * 100_000, "null", '{"size": 1}', "{}", "[]", '"old"', "7"])
@@ -128,7 +130,7 @@ def test_a_damaged_or_older_index_is_rebuilt(tmp_path: Path, text: str) -> None:
     (tmp_path / INDEX).mkdir()
     for one in (text, *map(json.dumps, (stamp, older, wrong))):
         (tmp_path / INDEX / "a.mcap.json").write_text(one)
-        (entry,) = Library(tmp_path).all()
+        (entry,) = ReadLibrary(tmp_path).all()
         assert not entry.indexed
         assert entry.probe.damaged == ""
 
@@ -136,14 +138,14 @@ def test_a_damaged_or_older_index_is_rebuilt(tmp_path: Path, text: str) -> None:
 def test_an_unexpected_folder_in_the_bin_hides_no_recording(tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
     (tmp_path / BIN / "²").mkdir(parents=True)
-    assert ids(Library(tmp_path)) == ["a"]
-    assert cull(tmp_path, 1 << 30) == []
+    assert ids(ReadLibrary(tmp_path)) == ["a"]
+    assert cull(tmp_path, 1 << 30, pinned_in_file) == []
 
 
 @each_row("text", ["", "{", "[]", '{"imuscope": 1, "tags": 7, "title": ["x"], "markers": [1, {}]}'])
 def test_a_broken_file_beside_a_recording_changes_nothing(tmp_path: Path, text: str) -> None:
     sidecar_path(recording(tmp_path / "a.mcap")).write_text(text)
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     assert library.get("a").title == "Yard loop"
     assert library.edit("a", Edits(title="Again")).title == "Again"
 
@@ -151,7 +153,7 @@ def test_a_broken_file_beside_a_recording_changes_nothing(tmp_path: Path, text: 
 def test_a_deleted_recording_is_restored_with_all_its_files(tmp_path: Path) -> None:
     time = [START]
     recording(tmp_path / "a.mcap")
-    library = Library(tmp_path, lambda: time[0])
+    library = ReadLibrary(tmp_path, lambda: time[0])
     library.edit("a", Edits(title="Mine"))
     gone = library.delete("a")
     assert gone.deleted == START
@@ -177,7 +179,7 @@ def test_a_recording_that_was_deleted_before_the_clock_was_set_can_be_restored(t
     """A robot without a clock of its own had emptied the bin as soon as it found the time."""
     now, steady = ManualClock(START), ManualClock(0.0)
     recording(tmp_path / "a.mcap")
-    library = Library(tmp_path, now, steady=steady)
+    library = ReadLibrary(tmp_path, now, steady=steady)
     library.delete("a")
     now.now += 3650 * 86_400.0
     steady.now += 3600.0
@@ -190,7 +192,7 @@ def test_the_bin_is_emptied_after_the_clock_was_set_back(tmp_path: Path) -> None
     """Nothing was removed until the clock had reached the time of the last look at the bin again."""
     now, steady = ManualClock(START + 3650 * 86_400.0), ManualClock(0.0)
     recording(tmp_path / "a.mcap")
-    library = Library(tmp_path, now, steady=steady)
+    library = ReadLibrary(tmp_path, now, steady=steady)
     library.all()
     now.now = START
     library.delete("a")
@@ -204,7 +206,7 @@ def test_the_index_goes_with_its_recording_and_not_before(tmp_path: Path) -> Non
     now = ManualClock(START)
     for name in "abc":
         recording(tmp_path / f"{name}.mcap")
-    library = Library(tmp_path, now)
+    library = ReadLibrary(tmp_path, now)
     indexes = [tmp_path / INDEX / f"{name}.mcap.json" for name in "abc"]
     (tmp_path / INDEX).mkdir()
     for index in indexes:
@@ -213,13 +215,16 @@ def test_the_index_goes_with_its_recording_and_not_before(tmp_path: Path) -> Non
     (tmp_path / "b.mcap").unlink()  # by a user, in a file manager
     library.all()
     assert [index.exists() for index in indexes] == [True, False, True]
-    assert cull(tmp_path, 0) == [tmp_path / ".bin" / str(round(START * 1000)) / "a.mcap", tmp_path / "c.mcap"]
+    assert cull(tmp_path, 0, pinned_in_file) == [
+        tmp_path / ".bin" / str(round(START * 1000)) / "a.mcap",
+        tmp_path / "c.mcap",
+    ]
     assert not list((tmp_path / INDEX).iterdir())
 
 
 def test_nothing_is_remembered_of_a_recording_that_has_left_the_bin(tmp_path: Path) -> None:
     now = ManualClock(START)
-    library = Library(tmp_path, now)
+    library = ReadLibrary(tmp_path, now)
     for number in range(5):
         recording(tmp_path / f"{number}.mcap")
         library.all()
@@ -227,7 +232,7 @@ def test_nothing_is_remembered_of_a_recording_that_has_left_the_bin(tmp_path: Pa
         library.all()
     now.now += KEPT_S + 1000
     assert not library.all()
-    assert not library._peeks
+    assert not library._probes
     assert not library._paths
     assert not library._deleted_at
 
@@ -236,7 +241,7 @@ def test_a_split_log_is_one_and_goes_as_one(tmp_path: Path) -> None:
     for part in (1, 2):
         (tmp_path / f"LOG_SN60339_20261120_120000_000{part}.raw").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
     (tmp_path / "LOG_SN60339_20261120_120000_0001.idx").write_bytes(bytes(16))
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     (entry,) = library.all()
     assert entry.size == 1000
     assert [file.name[-8:] for file in entry.files] == ["0001.raw", "0002.raw"]
@@ -251,7 +256,7 @@ def test_a_split_log_is_one_and_goes_as_one(tmp_path: Path) -> None:
 def test_files_of_one_name_have_ids_of_their_own(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
     (tmp_path / "a.mtb").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     assert sorted(ids(library)) == ["a", "a.bin"]
     recording(tmp_path / "a.mcap")
     assert library.path("a").name == "a.mcap"
@@ -260,7 +265,7 @@ def test_files_of_one_name_have_ids_of_their_own(tmp_path: Path) -> None:
 
 def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     assert not library.get("a").indexed
     library.index("a", store(tmp_path / "store", devices=1))
     entry = library.get("a")
@@ -279,9 +284,9 @@ def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None
 def test_findings_of_another_decoder_are_listed_until_it_is_opened_again(tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
     columns = store(tmp_path / "store", devices=1)
-    Library(tmp_path).index("a", columns)
-    assert Library(tmp_path).get("a").is_current
-    later = Library(tmp_path, decoder=lambda: "2")
+    ReadLibrary(tmp_path).index("a", columns)
+    assert ReadLibrary(tmp_path).get("a").is_current
+    later = ReadLibrary(tmp_path, decoder=lambda: "2")
     entry = later.get("a")
     assert (entry.indexed, entry.is_current, len(entry.thumbnail)) == (True, False, 64)
     later.index("a", columns)
@@ -290,7 +295,7 @@ def test_findings_of_another_decoder_are_listed_until_it_is_opened_again(tmp_pat
 
 def test_an_unnamed_device_is_named_after_the_renamed_file(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     columns = store(tmp_path / "store", devices=1)
     columns.manifest["devices"][0]["name"] = "a.bin"
     library.index("a", columns)
@@ -301,29 +306,29 @@ def test_an_unnamed_device_is_named_after_the_renamed_file(tmp_path: Path) -> No
 
 
 def test_an_upload_appears_when_it_is_whole_and_is_a_recording(tmp_path: Path) -> None:
-    library = Library(tmp_path / "library")
+    library = ReadLibrary(tmp_path / "library")
     content = recording(tmp_path / "x.mcap").read_bytes()
     for number in (1, 2):
         path = library.incoming("../../etc/a.mcap")
         path.write_bytes(content)
         assert ids(library) == ["a"][: number - 1]
-        assert library.add_file(path).id == ["a", "a-2"][number - 1]
+        assert library.upload(path).id == ["a", "a-2"][number - 1]
     path = library.incoming("b.mcap")
     path.write_bytes(b"hello\n" * 100)
     with pytest.raises(RecordingError):
-        library.add_file(path)
+        library.upload(path)
     assert sorted(ids(library)) == ["a", "a-2"]
     assert list((library.folder / ".incoming").iterdir()) == []
 
 
 def test_an_upload_that_takes_hours_is_not_taken_for_an_abandoned_one(tmp_path: Path) -> None:
     now = 2e9
-    path = Library(tmp_path).incoming("a.mcap")
+    path = ReadLibrary(tmp_path).incoming("a.mcap")
     path.write_bytes(b"the first part")
     os.utime(path.parent, (now - 2 * STALE_S,) * 2)  # a folder does not change with its files
     for age, is_kept in ((1.0, True), (1.5 * STALE_S, False)):
         os.utime(path, (now - age,) * 2)
-        Library(tmp_path, now=lambda: now).all()
+        ReadLibrary(tmp_path, now=lambda: now).all()
         assert path.exists() == is_kept
 
 
@@ -343,7 +348,7 @@ def test_no_name_becomes_a_path(name: str) -> None:
 @each_row("name", ["..", "../a", "a/../../a", "/etc/passwd", ".bin", "", "a\x00", "\ud800"])
 def test_an_external_id_is_not_a_path(name: str, tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
-    library = Library(tmp_path / "inside")
+    library = ReadLibrary(tmp_path / "inside")
     library.folder.mkdir()
     with pytest.raises(KeyError):
         library.path(name)
@@ -365,8 +370,8 @@ def test_on_a_short_disk_the_quota_deletes_no_more_than_is_needed(
     monkeypatch.setattr(
         quota.shutil, "disk_usage", lambda folder: SimpleNamespace(free=next(free), total=10**12), raising=True
     )
-    assert cull(tmp_path, 0, only_if_short=True) == []
-    assert cull(tmp_path, 0, only_if_short=True) == paths[:2]
+    assert cull(tmp_path, 0, pinned_in_file, only_if_short=True) == []
+    assert cull(tmp_path, 0, pinned_in_file, only_if_short=True) == paths[:2]
     assert paths[2].exists()
 
 
@@ -383,7 +388,7 @@ def test_a_disk_is_short_below_its_reserve(
 
 def test_the_quota_deletes_the_bin_first_and_no_file_of_others(tmp_path: Path) -> None:
     """A folder with captures of the user does not count as recordings and is never thinned out."""
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
 
     def record(name: str, age: int, pinned: bool = False) -> None:
         path = tmp_path / f"{name}.mcap"
@@ -403,10 +408,10 @@ def test_the_quota_deletes_the_bin_first_and_no_file_of_others(tmp_path: Path) -
         theirs.start("ros2", "another")
         theirs.add_attachment(1, 1, "a", "application/octet-stream", bytes(500_000))
         theirs.finish()
-    assert cull(tmp_path, 450_000) == []  # other files in the folder are not counted
-    assert [path.stem for path in cull(tmp_path, 350_000)] == ["thrown"]
-    assert [path.stem for path in cull(tmp_path, 250_000)] == ["oldest"]
-    assert [path.stem for path in cull(tmp_path, 0, spare=[tmp_path / "newest.mcap"])] == []
-    assert [path.stem for path in cull(tmp_path, 0)] == ["newest"]
+    assert cull(tmp_path, 450_000, pinned_in_file) == []  # other files in the folder are not counted
+    assert [path.stem for path in cull(tmp_path, 350_000, pinned_in_file)] == ["thrown"]
+    assert [path.stem for path in cull(tmp_path, 250_000, pinned_in_file)] == ["oldest"]
+    assert [path.stem for path in cull(tmp_path, 0, pinned_in_file, spare=[tmp_path / "newest.mcap"])] == []
+    assert [path.stem for path in cull(tmp_path, 0, pinned_in_file)] == ["newest"]
     left = {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")}
     assert left == {"kept.mcap", "kept.mcap.json", "drive.bin", "theirs.mcap"}

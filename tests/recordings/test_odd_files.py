@@ -12,10 +12,12 @@ import pytest
 
 from imuscope.recordings import quota
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.library import INDEX, Library
+from imuscope.recordings.library import INDEX
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.probe import is_pinned
 from imuscope.recordings.sidecar import Edits, sidecar_path
 from imuscope.server.library.compaction_worker import uncompacted
+from tests.read_library import ReadLibrary
 from tests.recordings.store_fixtures import recording
 from tests.server_process import ServerProcess
 from tests.source_files import ROOT, python_files
@@ -44,7 +46,7 @@ def odd(tmp_path: Path) -> Path:
 
 def test_things_that_are_no_files_are_listed_with_the_reason(odd: Path) -> None:
     """A server waited for a writer of the pipe, and never started."""
-    library = Library(odd)
+    library = ReadLibrary(odd)
     found = {entry.id: entry.probe.damaged for entry in library.all()}
     assert found.pop("fine").startswith("fine.mcap.json is damaged")
     assert set(found) == {
@@ -56,14 +58,14 @@ def test_things_that_are_no_files_are_listed_with_the_reason(odd: Path) -> None:
     assert "not UTF-8" in found[UNKNOWN]
     assert uncompacted(odd) == [odd / "fine.mcap"]
     assert library.edit("fine", Edits(title="Mine")).title == "Mine"
-    quota.cull(odd, 1)
+    quota.cull(odd, 1, is_pinned)
     for name in found:
         with pytest.raises(RecordingError):
             open_file(library.path(name))
 
 
 def test_a_file_whose_name_is_not_utf_8_can_be_renamed(odd: Path) -> None:
-    library = Library(odd)
+    library = ReadLibrary(odd)
     assert library.rename(UNKNOWN, "better").id == "better"
     assert library.get("better").probe.damaged == "It is not a format imuscope knows."
 

@@ -15,9 +15,9 @@ import pytest
 from imuscope.recordings import recording_writer
 from imuscope.recordings.compaction import compact
 from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.recording_writer import GATHER_S, TURN_S, Limits, RecordingWriter
-from imuscope.recordings.sources import McapSource
 from tests.each_row import each_row
 from tests.recordings.mcap_files import Message, json_messages, read, theirs
 from tests.timeouts import PATIENCE_S

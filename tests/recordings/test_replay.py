@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 from imuscope.recordings.compaction import compact
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, extent
-from imuscope.recordings.sources import McapSource
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
 from tests.source_files import ROOT

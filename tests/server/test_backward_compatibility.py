@@ -23,15 +23,16 @@ from mcap.records import Metadata
 
 from imuscope.recordings import mcap_writer, sidecar
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.library import Library
 from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_records import bytes_of
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.probe import probe
 from imuscope.server.commands.decode import decode_file
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
-from imuscope.server.configuration.snapshots import SnapshotError, from_text, to_text
+from imuscope.server.configuration.snapshot_text import from_text
+from imuscope.server.configuration.snapshots import SnapshotError, to_text
 from imuscope.server.devices.decode_options import DecodeOptions
+from tests.read_library import ReadLibrary
 from tests.server_process import ROOT
 
 KEPT = ROOT / "tests" / "golden" / "previous_formats"
@@ -90,7 +91,7 @@ def _number(text: str) -> Any:
 
 
 def test_edits_of_a_recording_are_read(kept: Path) -> None:
-    (entry,) = [one for one in Library(kept).all() if one.path.name == "xbus.mcap"]
+    (entry,) = [one for one in ReadLibrary(kept).all() if one.path.name == "xbus.mcap"]
     assert (entry.title, entry.edits.tags, entry.edits.pinned) == ("Drive to the pond", ("outdoor", "föhn"), True)
     assert entry.edits.notes == "Two laps.\nWind from the west."
     (marker,) = entry.edits.markers
@@ -164,7 +165,7 @@ def test_a_recording_of_a_later_format_is_refused(tmp_path: Path) -> None:
     told = probe(path)
     assert told is not None
     assert (told.title, told.damaged, told.devices) == ("Later", f"It {words}", [])
-    (entry,) = Library(tmp_path).all()
+    (entry,) = ReadLibrary(tmp_path).all()
     assert entry.probe.damaged == f"It {words}"
 
 
@@ -172,7 +173,7 @@ def test_edits_by_a_newer_imuscope_are_not_overwritten(tmp_path: Path) -> None:
     shutil.copy(KEPT / "1" / "xbus.mcap", tmp_path)
     beside = sidecar.sidecar_path(tmp_path / "xbus.mcap")
     beside.write_text('{"imuscope": 2, "title": {"en": "Pond"}}')
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     (entry,) = library.all()
     words = NEWER.format(2, sidecar.VERSION)
     assert entry.probe.damaged == f"xbus.mcap.json {words}"

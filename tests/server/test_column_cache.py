@@ -7,14 +7,18 @@ import os
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.library import column_cache
 from imuscope.server.library.cache_provenance import write_source
 from imuscope.server.library.column_cache import ColumnCache, DecodeJob
+from imuscope.server.workers import Worker
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
+from tests.timeouts import PATIENCE_S
 
 
 def store(cache: Path, name: str, size: int, age: int) -> Path:
@@ -140,3 +144,39 @@ def test_what_is_being_made_is_neither_deleted_nor_missed_when_it_vanishes(
 
 def _files(folder: Path) -> list[Path]:
     return [folder / name for name in os.listdir(folder)]
+
+
+async def test_opening_ends_with_its_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two processes were alive 500 s after their recordings were deleted, and nothing else could be opened."""
+    path = tmp_path / "a.csv"
+    path.write_text("time (s),x\n0,1\n1,2\n")
+    cache = ColumnCache(tmp_path / "data", {"a": path}.__getitem__)
+    begun: list[Worker] = []
+
+    async def never(worker: Worker) -> dict[str, Any]:
+        begun.append(worker)
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    monkeypatch.setattr(Worker, "__anext__", never)
+    waiting = asyncio.ensure_future(cache.opened("a"))
+    async with asyncio.timeout(PATIENCE_S):
+        while not begun:
+            await asyncio.sleep(0.01)
+        cache.end_orphans()
+        await asyncio.sleep(0)
+        assert begun[0].is_running
+        path.unlink()
+        cache.end_orphans()
+        with pytest.raises((RecordingError, FileNotFoundError)):
+            await waiting
+        assert not begun[0].is_running
+
+
+async def test_opening_that_takes_too_long_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time (s),x\n0,1\n1,2\n")
+    cache = ColumnCache(tmp_path / "data", {"a": path}.__getitem__)
+    monkeypatch.setattr(column_cache, "WAIT_SHARE", 0)
+    with pytest.raises(RecordingError, match="takes too long"):
+        await cache.opened("a")

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.recordings.compaction import is_uncompacted
+from imuscope.recordings.own_recordings import is_uncompacted
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.workers import Worker
 from tests.fault_injection.fault_harness import frames

@@ -18,11 +18,12 @@ from imuscope.recordings.importers import open_file
 from imuscope.recordings.library import Library
 from imuscope.recordings.library_index import INDEX
 from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.sources import McapSource
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.tabular import TableSource
 from imuscope.server.config import Config
 from imuscope.server.library.zip_download import one_file
 from tests.each_row import each_row
+from tests.read_library import ReadLibrary
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -203,7 +204,7 @@ def test_a_download_is_one_file_with_everything_in_it(running: InProcessServer, 
     assert got.headers["content-disposition"].startswith('attachment; filename="a.mcap"')
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "b.mcap").write_bytes(got.content)
-    entry = Library(tmp_path / "b").get("b")
+    entry = ReadLibrary(tmp_path / "b").get("b")
     assert (entry.title, entry.edits.tags, entry.markers) == ("Höhe", ("x",), 2)
     source = McapSource(tmp_path / "b" / "b.mcap")
     assert b"".join(part.data for part in source.parts() if part.direction == "rx") == kept

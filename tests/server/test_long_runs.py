@@ -13,7 +13,6 @@ from unittest.mock import AsyncMock, Mock
 
 import pytest
 
-from imuscope.recordings.library import Library
 from imuscope.server import wire
 from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
@@ -24,12 +23,14 @@ from imuscope.server.library import export_jobs
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.export_jobs import ExportJobs, ExportWork
+from imuscope.server.library.foreign_files import ForeignFiles
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.links.message_link import MOST_COUNTED, MessageLink, TopicSource
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time
+from tests.read_library import ReadLibrary
 from tests.server.fakes import SPEECH, FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import send
@@ -107,8 +108,8 @@ def test_messages_of_a_node_that_was_started_a_thousand_times_are_received() -> 
 
 def test_files_that_are_gone_are_not_remembered_as_looked_at(tmp_path: Path) -> None:
     clients: Any = SimpleNamespace(shedding=SimpleNamespace(draws_pictures=True))
-    bus, library = Telemetry.create(lambda: 0.0).bus, Library(tmp_path)
-    catalogue = Catalogue(bus, clients, library, ColumnCache(tmp_path, library.path))
+    bus, library = Telemetry.create(lambda: 0.0).bus, ReadLibrary(tmp_path)
+    catalogue = Catalogue(bus, clients, library, ColumnCache(tmp_path, library.path), ForeignFiles())
     catalogue._listed = math.inf
     catalogue._tried = {(tmp_path / "gone.mcap", 1, 2.0, "")}
     catalogue._open_newest([])
@@ -169,8 +170,10 @@ async def test_a_link_is_closed_although_something_fails_before(tmp_path: Path, 
 async def test_the_library_is_not_listed_again_while_nothing_changes(tmp_path: Path) -> None:
     """Each check read a file of every recording: with thousands of them it took a large part of a core."""
     clients: Any = SimpleNamespace(shedding=SimpleNamespace(draws_pictures=False), browsers=1)
-    library = Library(tmp_path)
-    catalogue = Catalogue(Telemetry.create(lambda: 0.0).bus, clients, library, ColumnCache(tmp_path, library.path))
+    library = ReadLibrary(tmp_path)
+    catalogue = Catalogue(
+        Telemetry.create(lambda: 0.0).bus, clients, library, ColumnCache(tmp_path, library.path), ForeignFiles()
+    )
     library.all = Mock(side_effect=library.all)  # type: ignore[method-assign]
     for _ in range(5):
         await catalogue._refresh()
@@ -181,3 +184,4 @@ async def test_the_library_is_not_listed_again_while_nothing_changes(tmp_path: P
     catalogue.changed()
     await catalogue._refresh()
     assert library.all.call_count == 3
+    await catalogue.close()

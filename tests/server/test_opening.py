@@ -14,8 +14,8 @@ from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.compaction import compact
 from imuscope.recordings.health_history import health_history
 from imuscope.recordings.importers import open_file
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.sources import McapSource
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from imuscope.server.streaming.channels import ChannelRegistry

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings.compaction import is_uncompacted
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.own_recordings import is_uncompacted
 from imuscope.server.commands.record import amount
 from tests.bench.tcp_device import TcpDevice
 from tests.each_row import each_row

@@ -14,12 +14,13 @@ import pytest
 from mcap.reader import make_reader
 
 from imuscope.recordings import quota
-from imuscope.recordings.compaction import compact, is_uncompacted
+from imuscope.recordings.compaction import compact
 from imuscope.recordings.file_names import free_path, slug
 from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.own_recordings import is_uncompacted
 from imuscope.recordings.recording_writer import Limits
-from imuscope.recordings.sources import McapSource
 from imuscope.server.config import Config, load
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import MarkerRequest

@@ -26,7 +26,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from imuscope.recordings import resource_limits
-from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC, McapReader
+from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, McapReader
+from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.probe import probe
 from imuscope.server import http_server, wire
 from imuscope.server.config import Config
@@ -179,7 +180,7 @@ async def test_a_pipe_without_a_writer_blocks_no_one_else(tmp_path: Path) -> Non
     """It was opened in the event loop, which then waited for a writer."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    assert split_devices(str(pipe)) == [str(pipe)]
+    assert await split_devices(str(pipe)) == [str(pipe)]
 
     link = open_link(str(pipe), LinkSettings(lambda: 0))
     async with asyncio.timeout(PATIENCE_S):

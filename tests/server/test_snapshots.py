@@ -15,9 +15,10 @@ from imuscope.protocols.isb.stored_settings import settings_of
 from imuscope.protocols.schema import Field, Setting
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.protocols.xbus.driver import XbusDriver
-from imuscope.server.configuration import snapshots
+from imuscope.recordings import bounded_yaml
 from imuscope.server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
-from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, from_text, to_text
+from imuscope.server.configuration.snapshot_text import from_text
+from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, to_text
 from imuscope.server.configuration.value_format import field_at, title_at, value_at
 from tests.each_row import each_row
 
@@ -48,7 +49,7 @@ def test_any_values_come_back(settings: dict[str, Any], title: str, why: str) ->
 
 @each_row("loader", [yaml.SafeLoader, yaml.CSafeLoader])
 def test_a_snapshot_is_read_alike_with_and_without_libyaml(loader: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(snapshots, "_LOADER", loader)
+    monkeypatch.setattr(bounded_yaml, "LOADER", loader)
     snapshot = Snapshot("xbus", "MTi", "0080", title="é 😀", taken=1.0, values={"OutputConfiguration": OUTPUTS})
     text = to_text(snapshot, ROWS)
     assert from_text(text) == snapshot

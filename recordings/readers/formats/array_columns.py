@@ -86,7 +86,8 @@ def _begins_with_time(matrix: Array | None) -> TypeGuard[Array]:
 def _is_table(array: Array) -> bool:
     if array.dtype.names:
         return array.ndim == 1 and len(array) >= FEWEST
-    return array.dtype.kind in "fiubMm" and 1 <= array.ndim <= 2 and max(array.shape, default=0) >= FEWEST
+    is_filled = array.size > 0 and max(array.shape, default=0) >= FEWEST  # one of (10¹², 0) has rows without end
+    return array.dtype.kind in "fiubMm" and 1 <= array.ndim <= 2 and is_filled
 
 
 def _matrix(array: Array, rows: int) -> Array | None:

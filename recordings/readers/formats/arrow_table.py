@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.table_format import MAX_COLUMNS, MOST_COLUMNS, SAMPLE_ROWS, TableFormat
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource

@@ -16,11 +16,10 @@ from imuscope.protocols.messages.records import (
     MessageChannel,
     definition,
 )
-from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import DEVICE, MessageFile
 from imuscope.recordings.readers.formats.bag_kernels import NUMBER, SIZE, TIME, copy_records
-from imuscope.recordings.sources import ChunkBlock
+from imuscope.recordings.sources import ChunkBlock, FileDamage, remark
 
 BLOCK_BYTES = 4 << 20
 LATEST_NS = 1 << 62  # a time beyond that is damage

@@ -39,14 +39,13 @@ from imuscope.protocols.counters import TickUnwrapper
 from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER, Bytes, Ints
 from imuscope.protocols.plural import counted
 from imuscope.recordings.clock_steps import duration_text
-from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.formats.can_kernels import ASC, LOG, TERMINAL, read_lines, write_lines
 from imuscope.recordings.readers.formats.can_survey import FRAME_BYTES, SECOND_NS, LogSurvey, Since, strays
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.sources import ChunkBlock, SourceDevice
+from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
 from imuscope.recordings.table_axis import origin_of
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_format import TableFormat

@@ -17,7 +17,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imuscope.recordings.mcap_reader import remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder, decompressed
@@ -27,7 +26,7 @@ from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
 from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES, packet_folder
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.sources import add_outer_damage
+from imuscope.recordings.sources import add_outer_damage, remark
 from imuscope.recordings.upload_names import clean_name
 
 if TYPE_CHECKING:

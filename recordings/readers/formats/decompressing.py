@@ -12,10 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
-from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.sources import Source, add_outer_damage
+from imuscope.recordings.sources import FileDamage, Source, add_outer_damage
 from imuscope.recordings.temporary_folder import TemporaryFolder
 
 S = TypeVar("S", bound=Source)
@@ -25,6 +24,11 @@ FREE_SHARE = 2  # of the free disk, 1/FREE_SHARE may be used
 LARGEST_RATIO, RATIO_FROM = 200, 64 << 20  # beyond that many bytes, more of each compressed byte is a bomb
 PIECE, SMALL_PIECE = 1 << 16, 1 << 8  # of a piece that is damaged at its end nothing is read
 CODECS = {".gz": "gzip", ".zst": "zstd", ".zstd": "zstd", ".lz4": "lz4", ".bz2": "bz2"}
+
+
+def is_bomb(size: int, packed: int) -> bool:
+    """Whether so many bytes cannot sensibly come out of so many packed ones."""
+    return size > RATIO_FROM and size > LARGEST_RATIO * packed
 
 
 def inflated(data: bytes, codec: str, most: int) -> tuple[bytes, str]:
@@ -39,6 +43,7 @@ def inflated(data: bytes, codec: str, most: int) -> tuple[bytes, str]:
     """
     import pyarrow as pa
 
+    most = min(most, max(RATIO_FROM // 4, LARGEST_RATIO * len(data)))
     content = bytearray()
     try:
         with pa.CompressedInputStream(pa.BufferReader(data), codec) as stream:
@@ -112,7 +117,7 @@ class UnpackedFolder:
         if total > self._most:
             words = f"The content of {self._archive.name} is larger than {self._most >> 20} MB."
             raise RecordingError(words, "Unpack it, and give a file of it.")
-        if total > RATIO_FROM and total > LARGEST_RATIO * self._size:
+        if is_bomb(total, self._size):
             words = f"{self._archive.name} becomes more than {LARGEST_RATIO} times as large: it may be made to harm."
             raise RecordingError(words, "If it is sound, unpack it, and give a file of it.")
 

@@ -19,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.euroc_folder import DATA, SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.table_set import TableSet
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource, TableRows, TableSource
 

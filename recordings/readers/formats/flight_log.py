@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.framing import Ints
 from imuscope.recordings.clock_steps import ClockWatch
-from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.log_clock import LogClock
+from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.table_axis import TimeAxis, origin_of
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_format import TableFormat

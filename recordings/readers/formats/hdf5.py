@@ -29,6 +29,7 @@ import numpy as np
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_line
+from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.formats.matlab import NUMBERS
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
@@ -197,7 +198,7 @@ def _array(content: _Content, item: Any, file: BinaryIO) -> Array:
         if begin + size > content.size:
             raise ValueError("without values, or cut")
         return np.memmap(content.path, kind, "r", begin, shape)
-    if content.total + size > LARGEST:
+    if content.total + size > LARGEST or is_bomb(content.total + size, content.size):
         raise ValueError("too large")
     content.total += size
     if place.layout_class == 0:

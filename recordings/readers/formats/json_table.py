@@ -18,13 +18,13 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.compressed import temporary_source
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.formats.typed_rows import KEY, TypedTables, csv_line
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import FileDamage
 from imuscope.recordings.table_dates import is_moment
 from imuscope.recordings.table_format import LONGEST_LINE, MAX_COLUMNS, is_number
 from imuscope.recordings.table_names import JSON_NAMES, JSON_RATES, TIME, TIMES, words_of

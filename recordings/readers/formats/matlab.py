@@ -14,6 +14,7 @@ import numpy as np
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_line
+from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 
@@ -32,7 +33,7 @@ def _open(request: OpenRequest) -> ArrowSource:
             warnings.simplefilter("ignore")
             warnings.filterwarnings("error", message=".*corrupt")
             listed = whosmat(file)
-            chosen, left_out = _chosen(listed)
+            chosen, left_out = _chosen(listed, path.stat().st_size)
             file.seek(0)
             loaded: dict[str, Any] = loadmat(file, variable_names=chosen, struct_as_record=True, squeeze_me=False)
     except TypeError:  # by scipy, for a variable of a class without a name
@@ -47,12 +48,12 @@ def _open(request: OpenRequest) -> ArrowSource:
     return ArrowSource(path, columns_of(path.name, arrays, left_out), "mat", request.table)
 
 
-def _chosen(listed: list[tuple[str, tuple[int, ...], str]]) -> tuple[list[str], list[str]]:
+def _chosen(listed: list[tuple[str, tuple[int, ...], str]], stored: int) -> tuple[list[str], list[str]]:
     """Variables that are loaded, and sentences on the others."""
     chosen, others, total = [], [], 0
     for name, shape, kind in listed:
         size = 8 * math.prod(max(int(length), 0) for length in shape)
-        if kind not in (*NUMBERS, "struct") or total + size > LARGEST:
+        if kind not in (*NUMBERS, "struct") or total + size > LARGEST or is_bomb(total + size, stored):
             others.append(f"{name} ({kind})")
             continue
         total += size

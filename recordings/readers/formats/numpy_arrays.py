@@ -16,6 +16,7 @@ import numpy as np
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_line
+from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 
@@ -53,7 +54,8 @@ def open_npz(request: OpenRequest) -> ArrowSource:
                 with archive.open(entry) as content:
                     size = _claimed(content)
                 total += max(size, 0)
-                if size < 0 or size > entry.file_size or total > LARGEST:
+                is_large = total > LARGEST or is_bomb(total, path.stat().st_size)
+                if size < 0 or size > entry.file_size or is_large:
                     left_out.append(f"{name} is left out: it holds objects, is damaged, or is too large.")
                     continue
                 with archive.open(entry) as content:

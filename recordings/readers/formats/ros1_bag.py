@@ -24,12 +24,12 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.mcap_reader import FileDamage
 from imuscope.recordings.readers.formats.bag_kernels import alike_messages
 from imuscope.recordings.readers.formats.bag_source import BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.formats.decompressing import inflated
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import FileDamage
 
 MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, CHUNK, CONNECTION = 2, 5, 7

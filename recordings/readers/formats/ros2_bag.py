@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.mcap_reader import MAGIC, FileDamage
+from imuscope.recordings.bounded_yaml import load
+from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile, MessageSource, segments_in
 from imuscope.recordings.readers.bag_folder import METADATA
@@ -29,13 +30,15 @@ from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES, BagPiece
 from imuscope.recordings.readers.formats.decompressing import CODECS, UnpackedFolder, decompressed, inflated
 from imuscope.recordings.readers.registry import FileReader, register_reader
 from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.sources import ChunkBlock, damage_of
+from imuscope.recordings.sources import ChunkBlock, FileDamage, damage_of
 
 LONGEST_METADATA = 16 << 20
 LONGEST_MESSAGE = 1 << 27
 MOST_FILES = 10_000
 ROWS = 500  # taken at once, without the large messages among them
 LARGE = 1 << 14
+MOST_TABLES = 10_000
+STEPS = 100_000  # of SQLite, some milliseconds: then Python runs, which may end it with a signal
 DATA = f"CASE WHEN length(data) >= {LARGE} THEN -rowid ELSE data END"
 LARGE_DATA = f"SELECT data FROM messages WHERE rowid = ? AND length(data) >= {LARGE}"
 ZSTD = b"\x28\xb5\x2f\xfd"
@@ -55,7 +58,7 @@ class Ros2Database(BagSource):
         self._unreadable = 0
         try:
             with closing(_connected(path)) as database:
-                tables = {str(name) for (name,) in database.execute("SELECT name FROM sqlite_master")}
+                tables = _tables(database)
                 if not {"topics", "messages"} <= tables:
                     known = ", ".join(sorted(tables)[:5]) or "no tables"
                     raise RecordingError(
@@ -207,19 +210,17 @@ def open_bag_folder(folder: Path) -> MessageFile:
 
 def _listed_files(folder: Path) -> tuple[list[str], list[float]]:
     """Names of the files that a bag consists of, and the segments of the clock that our own export names."""
-    import yaml
-
     hint = "Give one of the files in it."
     try:
         with open_regular(folder / METADATA) as file:
-            text = file.read(LONGEST_METADATA)
-        about: Any = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+            text = file.read(LONGEST_METADATA).decode(errors="replace")
+        about: Any = load(text, LONGEST_METADATA)
         about = about["rosbag2_bagfile_information"]
         names = about.get("relative_file_paths") or [one["path"] for one in about.get("files", [])]
         listed = [Path(str(name)).name for name in names[:MOST_FILES]]
     except OSError as error:
         raise RecordingError(f"{folder.name}/{METADATA}: {(error.strerror or 'unreadable').lower()}.", hint) from None
-    except (yaml.YAMLError, KeyError, TypeError, AttributeError, ValueError, RecursionError):
+    except (KeyError, TypeError, AttributeError, ValueError, RecursionError):
         raise RecordingError(f"{folder.name}/{METADATA} does not describe a ROS 2 bag.", hint) from None
     if not listed:
         raise RecordingError(f"{folder.name}/{METADATA} lists no files.", hint)
@@ -251,10 +252,19 @@ def _connected(path: Path) -> sqlite3.Connection:
         database.text_factory = lambda text: text.decode(errors="replace")
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_MESSAGE)
         database.execute("PRAGMA trusted_schema=OFF")
+        database.set_progress_handler(lambda: 0, STEPS)
     except BaseException:
         database.close()
         raise
     return database
+
+
+def _tables(database: sqlite3.Connection) -> set[str]:
+    """Names of the tables whose rows are stored: a view, a virtual table or a generated column can be endless."""
+    rows = database.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'").fetchmany(MOST_TABLES)
+    stored = {str(name) for name, sql in rows if not str(sql).upper().startswith("CREATE VIRTUAL")}
+    columns = "SELECT count(*) FROM pragma_table_xinfo(?) WHERE hidden <> 0"
+    return {name for name in stored if database.execute(columns, (name,)).fetchone() == (0,)}
 
 
 @functools.cache

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from imuscope.recordings.mcap_reader import FileDamage, remark
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.table_axis import LAST_CHANGE, TimeAxis
 from imuscope.recordings.table_dates import dated_name
 from imuscope.recordings.tabular import TableRows, TableSource

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.framing import Ints
 from imuscope.protocols.plural import counted
-from imuscope.recordings.mcap_reader import remark
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
@@ -36,6 +35,7 @@ from imuscope.recordings.readers.formats.flight_log import (
 )
 from imuscope.recordings.readers.registry import FileReader, register_reader
 from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.sources import remark
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER_BYTES = 16

@@ -177,7 +177,7 @@ async def _recorded(side: ComparedSide, letter: str, services: Services) -> _Dev
         raise DomainError("not-found", f"Source {side.source:.80} not found.", hint) from None
     except RecordingError as error:
         raise DomainError("cannot-open", error.message, error.hint) from None
-    entry = services.catalogue.library.get(side.source)
+    entry = await services.catalogue.entry(side.source)
     recording = entry.title or entry.name
     recorded = store.manifest["snapshots"]
     if not side.device and len(recorded) > 1:

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 
 from imuscope.recordings.resource_limits import memory_of_one
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.fork_server import ForkServer, JobLostError
 from imuscope.server.extensions.analysis.jobs import AnalysisJob, Content
 from imuscope.server.extensions.analysis.limits import LESS, AnalysisLimits
 from imuscope.server.extensions.analysis.settings import AnalysisSettings
 from imuscope.server.fair_queue import FairQueue, QueueFullError
+from imuscope.server.fork_server import ForkServer, JobLostError
 from imuscope.server.parts import ServicePart
 from imuscope.server.tasks import end_tasks
 

@@ -2,7 +2,7 @@
 
     python -m imuscope.server.extensions.analysis.worker MEMORY_MB TIME_S
 
-It is a fork server (fork_server.py): it imports what analyses need once, and has no threads. The answer of a job
+It is a fork server (server/fork_server.py): it imports what analyses need once, and has no threads. The answer of a job
 has the facts {"media"}, or {"kind", "message", "hint"} of an error.
 """
 
@@ -19,10 +19,10 @@ from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.resource_limits import TooLong, bounded, memory_in_use, memory_of_one
 from imuscope.server.errors import DomainError
 from imuscope.server.extension import extensions
-from imuscope.server.extensions.analysis.fork_server import JobAnswer, serve
 from imuscope.server.extensions.analysis.jobs import AnalysisJob
 from imuscope.server.extensions.analysis.limits import AnalysisLimits
 from imuscope.server.extensions.analysis.registry import load_analyses
+from imuscope.server.fork_server import JobAnswer, serve
 
 USED = (
     "scipy.fft",

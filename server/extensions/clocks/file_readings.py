@@ -6,6 +6,7 @@ import asyncio
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.recordings.column_store import ColumnStore
@@ -16,17 +17,18 @@ from imuscope.recordings.file_reading import (
     SLOWEST_HZ,
     FileReading,
 )
-from imuscope.recordings.library import LibraryEntry
+from imuscope.recordings.library_entry import LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.previewed_table import TablePreview, TableQuestion
+from imuscope.recordings.recording_probe import TABLE_FORMATS
 from imuscope.recordings.sidecar import stored_reading
-from imuscope.recordings.table_clock import AmbiguousTableError
 from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.table_preview import TABLES, TablePreview, may_be_table, preview_of, question_of
-from imuscope.server.api.dependencies import TheServices
+from imuscope.server.api.dependencies import TheServices, user_of, while_connected
 from imuscope.server.api.errors import recording_errors, responses, unknown_recording
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recordings import OneEntry, still_recording
 from imuscope.server.errors import DomainError
+from imuscope.server.services import Services
 
 router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 
@@ -99,9 +101,12 @@ async def get_reading(services: TheServices, entry: OneEntry) -> ReadingState:
 
 
 @router.post("/{recording}/reading/preview", responses=responses(404, 422))
-async def preview_reading(body: FileReadingBody, entry: OneEntry) -> TablePreview:
+async def preview_reading(
+    request: Request, body: FileReadingBody, services: TheServices, entry: OneEntry
+) -> TablePreview:
     """The first rows of a table as they will be read with these choices alone."""
-    preview = await asyncio.to_thread(_preview, entry, body.reading().table)
+    work = _preview(services, entry, body.reading().table, user_of(request))
+    preview = await while_connected(request, work)
     if preview is None:
         raise _no_table(entry)
     return preview
@@ -115,7 +120,7 @@ async def choose_reading(body: FileReadingBody, services: TheServices, entry: On
     reading = body.reading()
     heading: list[str] = []
     if reading.table != TableOptions():
-        preview = await asyncio.to_thread(_preview, entry, reading.table)
+        preview = await _preview(services, entry, reading.table)
         if preview is None:
             raise _no_table(entry)
         if preview.about:
@@ -130,15 +135,18 @@ async def forget_reading(services: TheServices, entry: OneEntry) -> ReadingState
     if services.catalogue.is_recording(entry):
         raise still_recording(entry.id)
     try:
-        preview = await asyncio.to_thread(_preview, entry, TableOptions())
+        preview = await _preview(services, entry, TableOptions())
     except DomainError:  # it cannot be opened at all
         preview = None
     return await _choose(services, entry, FileReading(), preview.heading if preview is not None else [])
 
 
 async def _choose(services: TheServices, entry: LibraryEntry, reading: FileReading, heading: list[str]) -> ReadingState:
+    catalogue = services.catalogue
     with recording_errors(entry.id, "disk"):
-        changed = await asyncio.to_thread(services.catalogue.library.choose, entry.id, reading, heading)
+        tables = await asyncio.to_thread(catalogue.library.unchosen_tables) if reading and heading else []
+        others = await catalogue.headings(tables)
+        changed = await asyncio.to_thread(catalogue.library.choose, entry.id, reading, heading, others)
     services.catalogue.changed()
     return await _state(services, changed)
 
@@ -151,26 +159,32 @@ async def _state(services: TheServices, entry: LibraryEntry) -> ReadingState:
         raise unknown_recording(entry.id) from None
     if store is not None:
         return ReadingState(body_of(reading), bool(reading), is_table(store))
-    if not may_be_table(entry.probe.format) or (entry.probe.format not in TABLES and entry.size > MOST_PACKED):
+    is_large = entry.size > MOST_PACKED and entry.probe.format not in TABLE_FORMATS
+    if is_large or not entry.probe.may_be_table:
         return ReadingState(body_of(reading), bool(reading), False)
-    question = await asyncio.to_thread(_question, entry)
+    question = await _question(services, entry)
     if question is None:
         return ReadingState(body_of(reading), bool(reading), True)
     return ReadingState(body_of(reading), bool(reading), True, question.about, question.message)
 
 
-def _question(entry: LibraryEntry) -> AmbiguousTableError | None:
+async def _question(services: Services, entry: LibraryEntry) -> TableQuestion | None:
+    function = "imuscope.recordings.table_preview:question_of"
     try:
-        return question_of(entry.path)
+        return await services.catalogue.files.call(function, entry.path, returns=TableQuestion | None)
     except (RecordingError, OSError):
         return None  # opening it says why
 
 
-def _preview(entry: LibraryEntry, options: TableOptions) -> TablePreview | None:
-    if not may_be_table(entry.probe.format):
+async def _preview(
+    services: Services, entry: LibraryEntry, options: TableOptions, user: str = ""
+) -> TablePreview | None:
+    if not entry.probe.may_be_table:
         return None
+    function = "imuscope.recordings.table_preview:preview_of"
     try:
-        return preview_of(entry.path, options)
+        files = services.catalogue.files
+        return await files.call(function, entry.path, options, returns=TablePreview | None, user=user)
     except RecordingError as error:
         raise DomainError("cannot-open", error.message, error.hint) from None
     except OSError as error:

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.framing import Ints
-from imuscope.recordings.mcap_reader import FileDamage
-from imuscope.recordings.sources import ChunkBlock, SourceDevice
+from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice
 from imuscope.server.devices.byte_memory import ByteRun
 
 BYTES, RESULT = "bytes.npz", "time.json"  # in the folder of a measurement

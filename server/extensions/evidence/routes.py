@@ -20,5 +20,6 @@ async def add_evidence(recording: str, body: EvidenceRequest, services: TheServi
     for name, cursor in (("cursor_a", body.cursor_a), ("cursor_b", body.cursor_b)):
         check_time(name, cursor)
     with recording_errors(recording):
+        await services.catalogue.entry(recording)
         info, markers = services.catalogue.info(recording), services.catalogue.markers(recording)
         return services.exports.add_work(recording, evidence_work(info, markers, body))

@@ -206,7 +206,7 @@ async def fetch_recording(recording: str, services: TheServices) -> FetchedRecor
     service = services.parts.get(QueryService)
     async with service.fetches:  # also while it is looked for: another request may be fetching it
         try:
-            known = await asyncio.to_thread(library.get, recording)
+            known = await services.catalogue.entry(recording)
         except KeyError:
             pass
         else:
@@ -215,7 +215,7 @@ async def fetch_recording(recording: str, services: TheServices) -> FetchedRecor
             path = await asyncio.to_thread(library.incoming, name)
             try:
                 await service.fetch(recording, path)
-                entry = await asyncio.to_thread(library.add_file, path)
+                entry = await services.catalogue.add_upload(path)
             finally:
                 await asyncio.to_thread(library.refuse, path)
         except RecordingError as error:

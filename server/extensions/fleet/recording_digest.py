@@ -20,9 +20,10 @@ from imuscope.recordings.download import wrap_capture
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers import CaptureSource
 from imuscope.recordings.mcap_reader import DATA, LENGTH, McapReader
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.sidecar import Edits
-from imuscope.recordings.sources import McapSource, Source
+from imuscope.recordings.sources import Source
 from imuscope.recordings.tabular import TableSource
 
 PIECE = 1 << 20

@@ -26,7 +26,8 @@ from imuscope.recordings import atomic_write, file_lock, sidecar
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
-from imuscope.recordings.probe import RecordingProbe, probe
+from imuscope.recordings.probe import probe
+from imuscope.recordings.recording_probe import RecordingProbe
 from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from imuscope.recordings import atomic_write
-from imuscope.recordings.library import LibraryEntry
+from imuscope.recordings.library_entry import LibraryEntry
 
 FILE = "uploads.json"
 VERSION = 1

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from imuscope.recordings import file_lock
-from imuscope.recordings.library import LibraryEntry
+from imuscope.recordings.library_entry import LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
@@ -194,8 +194,10 @@ class UploadService:
         return await self._upload(entry)
 
     async def _finished(self) -> list[LibraryEntry]:
+        entries = await self._catalogue.entries()
+
         def find() -> list[LibraryEntry]:
-            live = (entry for entry in self._catalogue.library.all() if entry.deleted is None)
+            live = (entry for entry in entries if entry.deleted is None)
             return [entry for entry in live if not any(map(file_lock.is_written, entry.files))]
 
         return [entry for entry in await asyncio.to_thread(find) if not self._catalogue.is_recording(entry)]

@@ -127,7 +127,7 @@ async def get_rrd(
     slots = services.parts.get(Rerun).slots
     if slots.locked():
         raise DomainError("full", "Too many recordings are being opened in Rerun.", "Try again in a moment.")
-    title = services.catalogue.info(recording).title
+    title = (await services.catalogue.entry(recording)).title
     request_body = {"store": str(store.folder), "title": title, "t0": t0, "t1": t1, "most": most}
     headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
     pieces = recording_stream(request_body, slots)

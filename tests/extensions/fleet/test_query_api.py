@@ -57,9 +57,11 @@ def workers() -> Iterator[StartedWorkers]:
     """Those of this module."""
     found, start = StartedWorkers(), Worker.start
 
-    async def noted(module: str, *arguments: str) -> Worker:
-        found.append(await start(module, *arguments))
-        return found[-1]
+    async def noted(module: str, *arguments: str, **more: Any) -> Worker:
+        worker = await start(module, *arguments, **more)
+        if not more:  # those of files are forked by one that stays
+            found.append(worker)
+        return worker
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Worker, "start", noted)

@@ -21,6 +21,7 @@ from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.library.foreign_files import MODULE as FILES
 from imuscope.server.workers import Worker
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import delta
@@ -135,8 +136,13 @@ def test_what_waits_gave_no_reason_and_what_was_stored_no_progress(
         assert found == [("uploading", ""), ("waiting", "Another recording is being uploaded.")]
 
 
-async def _never(*_: object) -> Worker:
-    """A process that does not start."""
+_start = Worker.start
+
+
+async def _never(module: str, *arguments: str, **more: Any) -> Worker:
+    """A process that does not start, but for those that read files."""
+    if module == FILES:
+        return await _start(module, *arguments, **more)
     await asyncio.Event().wait()
     raise AssertionError
 

@@ -20,8 +20,8 @@ from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.recordings.entities import devices_of
 from imuscope.recordings.exporters import ExportRequest, by_suffix, export
+from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.sources import McapSource
 from imuscope.server.devices import protocol_set
 from imuscope.server.extensions.rerun.rrd.chunks import name_of
 from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_for

@@ -17,12 +17,13 @@ import pyarrow as pa
 import pytest
 
 from imuscope.recordings.download import full_recording
-from imuscope.recordings.importers import open_file, suffixes
-from imuscope.recordings.library import Library
+from imuscope.recordings.file_suffixes import suffixes
+from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats import decompressing
 from imuscope.recordings.readers.known_files import FILES
 from tests.each_row import each_row
+from tests.read_library import ReadLibrary
 from tests.recordings.field.field_files import field_file
 from tests.recordings.readers.bags import COUNT, ros1_bag, ros2_bag
 from tests.recordings.readers.flight_logs import dataflash
@@ -164,21 +165,21 @@ def test_a_file_that_is_not_known_is_named(tmp_path: Path) -> None:
 
 
 def test_the_library_lists_takes_and_hands_out_these_files(tmp_path: Path) -> None:
-    library = Library(tmp_path)
+    library = ReadLibrary(tmp_path)
     bag = ros1_bag(tmp_path.parent / f"{tmp_path.name}.bag").read_bytes()
     for name, data in (("a.bag", bag), ("b.bag.gz", gzip.compress(bag)), ("c.BIN", dataflash())):
         path = library.incoming(name)
         path.write_bytes(data)
-        entry = library.add_file(path)
+        entry = library.upload(path)
         assert entry.path.name == name
         out = io.BytesIO()
-        full_recording(entry, out)
+        full_recording(entry.path, entry.title, entry.edits, entry.probe.format, out)
         assert out.getvalue() == data
     path = library.incoming("people.db3")
     with closing(sqlite3.connect(path)) as database:
         database.execute("CREATE TABLE people (name TEXT)")
     with pytest.raises(RecordingError, match="not a ROS 2 bag"):
-        library.add_file(path)
+        library.upload(path)
     assert json.dumps(sorted(entry.path.name for entry in library.all())) == '["a.bag", "b.bag.gz", "c.BIN"]'
     assert {".bag", ".db3", ".ulg", ".zip", ".parquet", ".npz", ".mat"} <= set(suffixes())
 

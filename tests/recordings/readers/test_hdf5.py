@@ -12,8 +12,8 @@ import pytest
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats import hdf5
+from imuscope.recordings.recording_probe import RecordingProbe
 from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.table_preview import may_be_table
 from tests.each_row import each_row
 from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage
 
@@ -103,7 +103,7 @@ FILES: list[tuple[str, Callable[[Path], None]]] = [
 @each_row(("name", "write"), FILES)
 def test_arrays_are_columns(name: str, write: Callable[[Path], None], tmp_path: Path) -> None:
     write(tmp_path / name)
-    assert may_be_table(open_file(tmp_path / name).format)
+    assert RecordingProbe(open_file(tmp_path / name).format).may_be_table
     store = opened(tmp_path / name, tmp_path)
     info = next(one for one in store.manifest["channels"] if one["name"] == "imu.gyro")
     rows = rows_of(store, info["name"])

@@ -11,7 +11,8 @@ out of band).
 
     control  READY from the process, then a byte with a descriptor for each job
     job      u32 number of buffers + 1, u64 size of each, pickle, buffers
-    answer   one line of JSON with `length`, then so many bytes
+    answer   one line of JSON with `length`, then so many bytes; or, if `length` is null, pieces: u32 size, so many
+             bytes; after one of size 0 comes a line of JSON
 
 Both ends belong to one program of one user, so a job may be a pickle; the answer, which comes from a process that has
 read what others wrote, is not.
@@ -34,7 +35,7 @@ import socket
 import struct
 import sys
 import traceback
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
@@ -50,10 +51,10 @@ FIRST_TO_BE_KILLED = "1000"  # oom_score_adj, proc(5): where memory runs out, a 
 
 
 class JobAnswer(NamedTuple):
-    """Answer of a job: facts for the line of JSON, and bytes."""
+    """Answer of a job: facts for the line of JSON, and bytes; or a function that writes pieces and returns facts."""
 
     facts: Mapping[str, Any]
-    body: bytes
+    body: bytes | Callable[[Callable[[bytes], None]], Mapping[str, Any]]
 
 
 Answerer = Callable[[Callable[[], Any]], JobAnswer]
@@ -89,20 +90,39 @@ class ForkServer:
         """Its process; None if it does not run."""
         return None if self._worker is None else self._worker.pid
 
-    async def run(self, job: object) -> JobAnswer:
-        """The answer of a job, whose process ends when this is cancelled.
+    async def run(self, job: object) -> tuple[Mapping[str, Any], bytes]:
+        """The facts and the bytes of a job's answer. Its process ends when this is cancelled.
 
         Raises:
             JobLostError: the process ended without an answer.
             OSError: the fork server cannot be started.
         """
+        async with self._answering(job) as (facts, reader):
+            return facts, await reader.readexactly(facts["length"])
+
+    async def stream(self, job: object) -> AsyncGenerator[bytes | Mapping[str, Any]]:
+        """The pieces of a job's answer, then its facts. Its process ends when this is closed.
+
+        Raises:
+            JobLostError: the process ended before the facts.
+            OSError: the fork server cannot be started.
+        """
+        async with self._answering(job) as (facts, reader):
+            if facts["length"] is not None:
+                yield facts
+                return
+            while size := int.from_bytes(await reader.readexactly(4), "little"):
+                yield await reader.readexactly(size)
+            yield json.loads(await reader.readline())
+
+    @asynccontextmanager
+    async def _answering(self, job: object) -> AsyncIterator[tuple[dict[str, Any], asyncio.StreamReader]]:
         async with self._connected() as line:
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # then it has an answer, or is lost
                 await _send(line, job)
             reader, writer = await asyncio.open_connection(sock=line, limit=MAX_LINE)
             try:
-                head = json.loads(await reader.readline())
-                return JobAnswer(head, await reader.readexactly(head["length"]))
+                yield json.loads(await reader.readline()), reader
             except (ValueError, asyncio.IncompleteReadError, ConnectionResetError):
                 raise JobLostError from None
             finally:
@@ -283,8 +303,13 @@ def _answer_one(line: socket.socket, answer: Answerer) -> None:
     facts, body = answer(job)
     fcntl.fcntl(line, fcntl.F_SETFL, fcntl.fcntl(line, fcntl.F_GETFL) & ~os.O_ASYNC)  # room to write is a signal, too
     with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-        line.sendall(json.dumps({**facts, "length": len(body)}).encode() + b"\n")
-        line.sendall(body)
+        length = len(body) if isinstance(body, bytes) else None
+        line.sendall(json.dumps({**facts, "length": length}).encode() + b"\n")
+        if isinstance(body, bytes):
+            line.sendall(body)
+        else:
+            last = body(lambda piece: line.sendall(len(piece).to_bytes(4, "little") + piece))
+            line.sendall(bytes(4) + json.dumps(last).encode() + b"\n")
 
 
 def _received(line: socket.socket) -> Any:
