@@ -26,7 +26,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from types import GeneratorType
 from typing import Any, Protocol, TypeVar
 
-from imuscope.protocols.events import Event
+from imuscope.protocols.events import Batch, Event
 from imuscope.protocols.transactions import Act, Note, PutBack, ReopenLink, Send, Sleep, Transaction, WaitFor, cancel
 from imuscope.server.links.base import LinkError
 
@@ -36,6 +36,7 @@ T = TypeVar("T")
 MAX_EVENTS = 4096  # events stored for the next WaitFor
 FINAL_STEPS_S = 2.0  # for the final steps of a stopped transaction
 CONFIRM_S = 0.5  # for the answer to them
+IN_FLIGHT_NS = 100_000_000  # until then samples may arrive that the device sent before them
 
 
 class TransactionPort(Protocol):
@@ -155,8 +156,10 @@ class Runner:
                     await self._put_back(frames)
                 return None
 
-    async def _send(self, frame: bytes, what: str) -> None:
-        """Send a frame. It is logged when it is written: on a shared port it may wait for others, or be refused."""
+    async def _send(self, frame: bytes, what: str) -> int:
+        """Send a frame, and return when it was written. It is logged then: on a shared port it may wait for others, or
+        be refused.
+        """
         try:
             written_ns = await self._channel.send(frame)
         except LinkError as error:
@@ -166,6 +169,7 @@ class Runner:
             self._watcher.add_note(f"{what or 'A request'} was cancelled while it waited; it may still be sent.")
             raise
         self._watcher.sent(frame, what, written_ns)
+        return written_ns or 0
 
     async def reopen(self, baud: int | None) -> bool:
         """Close the link and open it again; False, with a note, if that fails."""
@@ -223,17 +227,19 @@ class Runner:
         puts the device back has none: its frames are sent. It is back when it has confirmed them.
         """
         self._received.clear()
+        sent_ns = 0
         for act in cancel(transaction) or [Send(frame) for frame in self._owed]:
             try:
                 async with asyncio.timeout(FINAL_STEPS_S):
-                    await self._send(act.frame, act.what)
+                    sent_ns = await self._send(act.frame, act.what)
             except (LinkError, TimeoutError) as error:
                 log.warning("the final steps of a stopped transaction failed: %s", error)
                 return
         left = set(self._owed)
 
         def match(event: Event) -> bool | None:
-            left.difference_update({frame for frame in left if self._confirms(frame, event)})
+            if not isinstance(event, Batch) or event.arrival_ns[-1] > sent_ns + IN_FLIGHT_NS:
+                left.difference_update({frame for frame in left if self._confirms(frame, event)})
             return None if left else True
 
         if left and await self._wait_for(WaitFor(match, CONFIRM_S, "the device back", is_answer=True)):
