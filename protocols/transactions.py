@@ -305,7 +305,7 @@ class DeviceDriver(ABC):
 
         Args:
             held: as in `write`.
-            old: values on the device, if known and relevant to the bytes.
+            old: values on the device, as far as known: it may have what the tables do not.
         """
         raise EncodeError(f"{self.name} has no settings")
 

@@ -105,7 +105,8 @@ class XbusDriver(DeviceDriver):
         self, setting: str, values: Values, known: DeviceContext, *, held: bool = False, old: Values | None = None
     ) -> list[bytes]:
         model = model_of(known.product)
-        return [frames.to_bus(_write_frame(_stored_setting(setting, model), values, model, held=held), _bus(known))]
+        frame = _write_frame(_stored_setting(setting, model), values, model, held=held, old=old)
+        return [frames.to_bus(frame, _bus(known))]
 
     def command_frames(self, command: str, values: Values, known: DeviceContext) -> list[bytes]:
         sent = [self.frame(command, values, known)]
@@ -309,18 +310,21 @@ def _stored_setting(setting: str, model: Model | None) -> StoredSetting:
 # -- values → frames ---------------------------------------------------------------------------------------------------
 
 
-def _frame(row: CommandRow, values: Values, model: Model | None, *, held: bool = False) -> bytes:
+def _frame(
+    row: CommandRow, values: Values, model: Model | None, *, held: bool = False, old: Values | None = None
+) -> bytes:
     """The frame of a command.
 
     Args:
         held: values read from the device itself, which are written back unchecked.
+        old: values that the device reports, which need not be in the tables.
 
     Raises:
         EncodeError: a value is missing, unknown, out of its range, or does not go with the others.
     """
     if not held:
         validation.require_valid(commands.arguments(row, model), values)
-        for problem in problems_beyond(row.message, values, model):
+        for problem in problems_beyond(row.message, values, model, old):
             raise EncodeError(problem.message, problem.path)
     if row.message in _NONE and not values[_NONE[row.message][0]]:
         name, nothing = _NONE[row.message]
@@ -328,7 +332,9 @@ def _frame(row: CommandRow, values: Values, model: Model | None, *, held: bool =
     return frame_from_json({"message": row.message, "fields": dict(values)})
 
 
-def _write_frame(one: StoredSetting, values: Values, model: Model | None, *, held: bool = False) -> bytes:
+def _write_frame(
+    one: StoredSetting, values: Values, model: Model | None, *, held: bool = False, old: Values | None = None
+) -> bytes:
     row = commands.write_row(one, model)
     if row is None:
         raise EncodeError(f"{one.name} is reported by the device and cannot be written")
@@ -338,7 +344,8 @@ def _write_frame(one: StoredSetting, values: Values, model: Model | None, *, hel
             validation.require_valid(commands.reply_form(one.read, model).fields, fields)
         flags = int(fields["flags"])
         fields = {"set_flags": flags, "clear_flags": _OPTION_MASK & ~flags}
-    return _frame(_row(row.message, {**fields, **one.fixed}, model), {**fields, **one.fixed}, model, held=held)
+    fields = {**fields, **one.fixed}
+    return _frame(_row(row.message, fields, model), fields, model, held=held, old=old)
 
 
 def read_frame(one: StoredSetting) -> bytes:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from calendar import monthrange
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -181,13 +181,22 @@ def _profile(field: Field, model: Model | None) -> Field:
 # -- combinations ------------------------------------------------------------------------------------------------------
 
 
-def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None) -> Iterator[ValueProblem]:
-    """Problems of values that are each within range."""
+def problems_beyond(
+    message: str, values: Mapping[str, Any], model: Model | None, old: Mapping[str, Any] | None = None
+) -> Iterator[ValueProblem]:
+    """Problems of values that are each within range.
+
+    Args:
+        old: what the device reports: it knows better than the tables which of these it has.
+    """
+    old = old or {}
     if message == "SetOutputConfiguration":
-        yield from _of_outputs(values["outputs"], model)
+        reported = {entry["data_identifier"] for entry in old.get("outputs", ())}
+        yield from _of_outputs(values["outputs"], model, reported)
     elif message == "SetSyncSettings":
         for place, entry in enumerate(values["settings"]):
-            yield from _of_sync(entry, f"settings.{place}", model)
+            if entry not in old.get("settings", ()):
+                yield from _of_sync(entry, f"settings.{place}", model)
     elif message == "SetAlignmentRotation":
         norm = math.hypot(*(values[name] for name in ("q0", "q1", "q2", "q3")))
         if not abs(norm - 1) <= 0.01:
@@ -198,9 +207,9 @@ def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None
         allowed = "225 to 1152, or a multiple of 1152 (10 ms), of which the device skips"
         yield ValueProblem("period", f"period is {allowed}, given {values['period']}")
     elif message == "SetPortConfig":
-        yield from _of_ports(values["words"])
+        yield from _of_ports(values["words"], old.get("words", ()))
     elif message == "SetOptionFlags":
-        yield from _of_options(values["set_flags"], model)
+        yield from _of_options(values["set_flags"] & ~old.get("flags", 0), model)
     elif message == "SetUTCTime":
         yield from _of_date(values)
 
@@ -218,14 +227,16 @@ def _of_date(values: Mapping[str, Any]) -> Iterator[ValueProblem]:
         yield ValueProblem("day", f"day lies between 1 and {last} in {year}-{month:02}, given {values['day']}")
 
 
-def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterator[ValueProblem]:
+def _of_outputs(
+    outputs: list[Mapping[str, Any]], model: Model | None, reported: Collection[int]
+) -> Iterator[ValueProblem]:
     if [(entry["data_identifier"], entry["output_frequency"]) for entry in outputs] == [(0, 0)]:
         return  # encoding of an empty list
     known: set[int] = set()
     for place, entry in enumerate(outputs):
         identifier = entry["data_identifier"]
         path, plain = f"outputs.{place}.data_identifier", identifier & 0xFFF0
-        if output_of(identifier, model) is None:
+        if output_of(identifier, model) is None and identifier not in reported:
             why = "has no such form" if output_of(plain, model) else "has no such data"
             if not output_of(plain, model) and plain in OUTPUTS and model:
                 why = f"has no {OUTPUTS[plain].name}"
@@ -260,8 +271,10 @@ def _of_sync(entry: Mapping[str, Any], path: str, model: Model | None) -> Iterat
         yield ValueProblem(f"{path}.{name}", f"{name} of a sync in is a delay of 0 to 6000 ms, given {delay / 10} ms")
 
 
-def _of_ports(words: list[int]) -> Iterator[ValueProblem]:
+def _of_ports(words: Sequence[int], reported: Sequence[int]) -> Iterator[ValueProblem]:
     for place, word in enumerate(words):
+        if reported[place : place + 1] == [word]:
+            continue
         if word & 0xFF not in BAUD_CODES or word & 0xFF == 0xFF:
             yield ValueProblem(
                 f"words.{place}", f"{PORT_NAMES[place]}: choose one of the baud rates, given code {word & 0xFF}"

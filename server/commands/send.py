@@ -41,6 +41,7 @@ from imuscope.protocols.transactions import (
 from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, names_elements, parse
 from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.transaction_runner import Runner
+from imuscope.server.configuration.value_checks import problems_of, without_current_values
 from imuscope.server.configuration.value_format import value_at
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.end_signals import end_signals
@@ -358,9 +359,18 @@ async def _run_setting(
         if fields and all(pair.partition("=")[0].split(".")[0] in fields for pair in request.pairs):
             raise ComposeError(f"{error}; the command {setting.write} has it") from None
         raise
-    driver.setting_frames(setting.name, values, known)
+    held = False
+    try:
+        driver.setting_frames(setting.name, values, known)
+    except EncodeError:  # what the device reports may be outside the tables
+        present = present or await play(driver.read(setting.name, known))
+        problems = problems_of(setting.fields, values, partial=True)
+        if without_current_values(problems, values, present):
+            raise
+        driver.setting_frames(setting.name, values, known, held=bool(problems), old=present)
+        held = True
     await _allow_write(driver, setting, values, request, known, play)
-    written = await play(driver.write(setting.name, values, known))
+    written = await play(driver.write(setting.name, values, known, held=held))
     if written.refused:
         raise UsageError(f"{setting.name} was refused: {written.refused}")
     _print(out, {"setting": setting.name, "fields": _readable(setting.fields, written.actual)})

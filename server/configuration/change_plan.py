@@ -18,7 +18,7 @@ from imuscope.server.configuration.budget import overload_error
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.value_checks import problems_of, without_current_values
-from imuscope.server.configuration.value_format import head_of, numbers
+from imuscope.server.configuration.value_format import numbers
 from imuscope.server.errors import DomainError
 
 SHARED = "Other devices share this line; they cannot be received at another baud rate than theirs."
@@ -104,27 +104,28 @@ def _check(controller: DeviceController, row: Setting, values: Mapping[str, Any]
     names = {one.name for one in fields}
     writable = {name: value for name, value in values.items() if name in names or name not in _read_only_fields(row)}
     whole = not row.partial and row.name not in controller.values
-    problems = problems_of(fields, writable, partial=not whole) or _combined_problems(controller, row, writable)
-    if not problems:
+    problems = problems_of(fields, writable, partial=not whole)
+    left = problems or _combined_problems(controller, row, writable, None)
+    if not left:
         return False
-    left = {head_of(problem.path, writable)[0]: problem for problem in reversed(problems)}
     for values_then in _known_values(controller, past):
-        left = {
-            name: one
-            for name, one in left.items()
-            if values_then.get(row.name, {}).get(name, controller) != writable.get(name)
-        }
+        reported = values_then.get(row.name, {})
+        if problems:
+            left = without_current_values(left, writable, reported)
+        else:
+            left = _combined_problems(controller, row, writable, reported)
         if not left:
             return True
-    first = next(problem for problem in problems if problem in left.values())
-    raise DomainError("bad-value", f"{row.title or row.name}: {first.message}", WRONG_HINT)
+    raise DomainError("bad-value", f"{row.title or row.name}: {left[0].message}", WRONG_HINT)
 
 
-def _combined_problems(controller: DeviceController, row: Setting, values: Mapping[str, Any]) -> list[FieldProblem]:
-    """Problems of a combination of values that are allowed individually."""
+def _combined_problems(
+    controller: DeviceController, row: Setting, values: Mapping[str, Any], reported: Values | None
+) -> list[FieldProblem]:
+    """Problems of a combination of values that are allowed individually, beside what the device reported."""
     whole = dict(values) if row.partial else {**controller.values.get(row.name, {}), **values}
     try:
-        controller.driver.setting_frames(row.name, whole, controller.context)
+        controller.driver.setting_frames(row.name, whole, controller.context, old=reported)
     except EncodeError as error:
         return [FieldProblem(error.path or next(iter(values), ""), f"{error}.")]
     return []

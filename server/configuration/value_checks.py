@@ -21,13 +21,30 @@ def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: 
 def without_current_values(
     problems: Iterable[FieldProblem], values: Mapping[str, Any], current: Mapping[str, Any]
 ) -> list[FieldProblem]:
-    """Problems without those of values that the device already has, which may stay whatever the tables allow."""
-    left = []
-    for one in problems:
-        head = head_of(one.path, values)[0]
-        if head not in current or current[head] != values.get(head):
-            left.append(one)
-    return left
+    """Problems without those of values that the device already has, which may stay whatever the tables allow, whatever
+    else of the setting is changed.
+    """
+    return [one for one in problems if not is_reported(one.path, values, current)]
+
+
+def is_reported(path: str, values: Any, current: Any) -> bool:
+    """Whether the device has the value at a path: there, in a record that it has, or in one of the same kind."""
+    if isinstance(values, Mapping) and isinstance(current, Mapping) and path:
+        head, rest = head_of(path, values)
+        return head in current and head in values and is_reported(rest, values[head], current[head])
+    if values == current:
+        return True
+    if not (isinstance(values, list) and isinstance(current, list)):
+        return False
+    place, _, leaf = path.partition(".")
+    if not place.isdecimal() or int(place) >= len(values):
+        return False
+    entry = values[int(place)]
+    if not isinstance(entry, Mapping):
+        return current[int(place) : int(place) + 1] == [entry]
+    first = next(iter(entry), "")  # names what the record is about
+    is_named = leaf == first and any(one.get(first) == entry[first] for one in current)
+    return entry in current or is_named
 
 
 def sentence(error: EncodeError) -> str:
