@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import BinaryIO
+
+PRIVATE, SHARED = 0o600, 0o666
+"""Permissions of files of a server, which may hold secrets and positions; and of files that a user requested."""
 
 
-def write_atomic(path: Path, data: str | bytes, mode: int = 0o666) -> None:
+def write_atomic(path: Path, data: str | bytes, mode: int = PRIVATE) -> None:
     """Make `path` hold `data`.
 
     Args:
@@ -30,6 +34,11 @@ def write_atomic(path: Path, data: str | bytes, mode: int = 0o666) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def open_private(path: Path, *, exclusive: bool = False) -> BinaryIO:
+    """Open a file that only its owner can read, to write it."""
+    return open(path, "xb" if exclusive else "wb", opener=lambda name, flags: os.open(name, flags, PRIVATE))
 
 
 def replace(temporary: Path, path: Path, *, durable: bool = True) -> None:

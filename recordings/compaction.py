@@ -55,6 +55,7 @@ def compact(
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     try:
         with open_regular(path) as held, McapReader(path) as source, temporary.open("w+b") as out:
+            os.fchmod(out.fileno(), os.fstat(held.fileno()).st_mode & 0o777)
             if not file_lock.share(held.fileno()):
                 raise RecordingError(
                     f"{path.name} is being recorded.", "It can be packed when the recording has ended."

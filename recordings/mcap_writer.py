@@ -54,6 +54,7 @@ from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, S
 
 from imuscope.protocols.messages.records import HEAD, Definitions, MessageChannel, records_of
 from imuscope.recordings import file_lock
+from imuscope.recordings.atomic_write import PRIVATE, open_private
 from imuscope.recordings.explained_error import ExplainedError
 from imuscope.recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending, message, messages
 
@@ -380,7 +381,7 @@ class AtomicRecordFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self._fd = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self._fd = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, PRIVATE)
         file_lock.hold(self._fd)
         self.count = 0
 
@@ -420,7 +421,7 @@ class AtomicRecordFile:
             return False
 
     def copy_to(self, path: Path) -> None:
-        with open(f"/proc/self/fd/{self._fd}", "rb") as old, path.open("xb") as new:
+        with open(f"/proc/self/fd/{self._fd}", "rb") as old, open_private(path, exclusive=True) as new:
             shutil.copyfileobj(old, new, 1 << 20)
             new.flush()
             os.fsync(new.fileno())

@@ -167,7 +167,8 @@ class Access:
         changes = method not in SAFE_METHODS
         self._check_host(headers.get("host", ""))
         if changes or websocket:
-            self._check_origin(headers.get("origin"), headers.get("host", ""))
+            is_of_other = headers.get("sec-fetch-site", "none") not in ("none", "same-origin")
+            self._check_origin(headers.get("origin", "null" if is_of_other else None), headers.get("host", ""))
         else:
             self._check_site(headers)
         role = self._check_token(headers, client, query_token)

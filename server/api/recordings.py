@@ -14,6 +14,7 @@ from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 
 from imuscope.recordings import sidecar
+from imuscope.recordings.atomic_write import open_private
 from imuscope.recordings.library import NamingError
 from imuscope.recordings.library_entry import LibraryEntry
 from imuscope.recordings.mcap_writer import RecordingError
@@ -96,7 +97,7 @@ async def upload(
 async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> None:
     """Write the body, at most `length` bytes."""
     got, buffer = 0, bytearray()
-    with path.open("wb") as file:
+    with open_private(path) as file:
         async for chunk in chunks:
             got += len(chunk)
             if got > length:

@@ -20,6 +20,8 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+from imuscope.recordings.atomic_write import PRIVATE
+
 log = logging.getLogger("imuscope.library")
 
 LOCK = ".in-use"
@@ -38,8 +40,8 @@ class DataFolderLock:
     def begin(self) -> list[str]:
         """Remove unfinished files; returns their paths within the folder. Call it in a thread."""
         try:
-            self._data.mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(self._data / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._data.mkdir(parents=True, exist_ok=True, mode=0o700)
+            self._lock = os.open(self._data / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, PRIVATE)
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             self._is_shared = True
@@ -73,6 +75,7 @@ class DataFolderLock:
 def unfinished_files(data: Path) -> Iterator[Path]:
     """Unfinished files in an unused data folder."""
     yield from _in(data / "exports")
+    yield from _in(data / "recordings" / ".incoming")
     yield from (path for path in _in(data / "cache" / "columns") if path.name.endswith(".making"))
     for folder in _TEMPORARY_FOLDERS:
         yield from (path for path in _in(data / folder) if _TEMPORARY.fullmatch(path.name) and path.is_file())

@@ -71,6 +71,13 @@ def test_matrix(where: str, token: str, way: str, method: str) -> None:
         assert got == role
 
 
+@each_row("site", ["cross-site", "same-site"])
+def test_a_page_of_another_site_changes_nothing_though_it_sends_no_origin(site: str) -> None:
+    """Only reads were guarded by what browsers say of the site that asks."""
+    assert outcome(access(), "POST", headers={**JSON, "sec-fetch-site": site}) == 403
+    assert outcome(access(), "POST", headers={**JSON, "sec-fetch-site": "same-origin"}) == "control"
+
+
 def test_a_page_of_another_origin_may_link_here_and_embed_nothing() -> None:
     """Regression: an image with the address /viser/ started viser from any page."""
     taken = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "no-cors", "sec-fetch-dest": "image"}

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.atomic_write import write_atomic
+from imuscope.recordings.atomic_write import SHARED, write_atomic
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.extensions.evidence.content import About, content_of
@@ -47,7 +47,7 @@ def write(
         share *= SPARE * (room * share) / (room * share + size - MOST_BYTES) if blocks.size else 0.5
     else:
         raise RecordingError("The file would exceed 20 MB.", "Choose a shorter range or fewer plots.")
-    write_atomic(out, b"".join(pieces))
+    write_atomic(out, b"".join(pieces), SHARED)
     return [out]
 
 

@@ -169,6 +169,20 @@ def test_another_address_is_refused(url: str, tmp_path: Path) -> None:
         ("http://[::1]:22/", "::1 is this machine"),
         ("http://[::]/", ":: is this machine"),
         ("http://[::ffff:127.0.0.1]/", "::ffff:127.0.0.1 is this machine"),
+        ("http://[::127.0.0.1]/", "::127.0.0.1 is this machine"),
+        ("http://[64:ff9b::7f00:1]/", "64:ff9b::7f00:1 is this machine"),
+        ("http://[64:ff9b:1::a9fe:1]/", "64:ff9b:1::a9fe:1 is a link-local address"),
+        ("http://[2002:7f00:1::]/", "2002:7f00:1:: is this machine"),
+        ("http://[2001:0:1:1::80ff:fffe]/", "2001:0:1:1::80ff:fffe is this machine"),
+        ("http://[::ffff:0:127.0.0.1]/", "::ffff:0:127.0.0.1 is this machine"),
+        ("http://[2001:db8::5efe:7f00:1]/", "2001:db8::5efe:7f00:1 is this machine"),
+        ("http://0/", "0 is this machine"),
+        ("http://127.1/", "127.1 is this machine"),
+        ("http://2130706433/", "2130706433 is this machine"),
+        ("http://0x7f000001/", "0x7f000001 is this machine"),
+        ("http://0251.0376.1.1/", "0251.0376.1.1 is a link-local address"),
+        ("http://[64:ff9b::808:808]/", ""),
+        ("http://[2002:808:808::]/", ""),
         ("http://169.254.1.1/latest", "169.254.1.1 is a link-local address"),
         ("http://[fe80::1]/", "fe80::1 is a link-local address"),
         ("http://224.0.0.1/", "224.0.0.1 is not the address of one host"),
@@ -190,8 +204,8 @@ def test_this_machine_and_its_link_are_no_target_unless_a_setting_names_them(url
     assert "webhook_hosts" in refused.value.hint
 
 
-@each_row("name", ["hook.example", "0", "127.1", "2130706433", "0x7f000001"])
-def test_a_name_is_judged_by_the_address_that_is_connected_to(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_name_is_judged_by_the_address_that_is_connected_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "hook.example"
     with receiving() as receiver:
         port = receiver.server_address[1]
         real, asked = socket.getaddrinfo, []
