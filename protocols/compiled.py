@@ -230,6 +230,17 @@ def _kernel(function: F, signature: tuple[Kind, ...] | None, *, waits: bool) -> 
     return cast(F, used)
 
 
+def library_place(function: Callable[..., Any]) -> tuple[str, str] | None:
+    """The file of the library that a kernel runs from, and its name there: for a process without numpy, which passes no
+    arrays. None if it runs as plain Python.
+    """
+    kernel = kernel_of(function)
+    if not isinstance(kernel, Kernel) or kernel.native is None:
+        return None
+    library = _library(kernel.function.__module__.partition(".")[0])
+    return None if library is None else (str(library.__file__), kernel.name)
+
+
 def is_complete() -> bool:
     """Whether every kernel of imuscope's modules that were imported so far is machine code."""
     return not missing()

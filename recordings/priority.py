@@ -1,12 +1,34 @@
-"""Lower priority of processes that work in the background: live devices come first."""
+"""Priorities of processes: lower for those in the background, real time for the one that live devices wait for."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 
+RAISED = -10
+PERMIT = "LimitRTPRIO=1 in the unit, or a line `imuscope - rtprio 1` in /etc/security/limits.conf, permits it."
 SAME = "IMUSCOPE_SAME_PRIORITY"
 """Variable that keeps it as it is, for tests: a busy machine gives a process of low priority no time at all."""
+
+
+def raise_priority() -> bool:
+    """Come before all programs without real-time priority, or at least before most; whether that is permitted."""
+    if SAME in os.environ:
+        return True
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+        return True
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, RAISED)
+        return True
+    return False
+
+
+def has_raised_priority(pid: int) -> bool:
+    """Whether a process comes before others. OSError: there is none."""
+    return (
+        os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR or os.getpriority(os.PRIO_PROCESS, pid) < 0
+    )
 
 
 def lower_priority(by: int) -> None:

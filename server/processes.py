@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 OWN = "imuscope"
 ROOT = Path("/")
@@ -15,8 +15,7 @@ SHARED_PATH = "/run/imuscope/imu0"  # an example
 MODULE = re.compile(r" -m imuscope(\.server\.(cli|[\w.]+\.holder))?( |$)")
 
 
-@dataclass(frozen=True, slots=True)
-class Program:
+class Program(NamedTuple):
     """A running program; `name` is "imuscope" for each part of it."""
 
     pid: int

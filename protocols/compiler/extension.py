@@ -109,7 +109,9 @@ extern PyObject *PyTuple_GetItem(PyObject *, i64);
 extern PyObject *PyTuple_New(i64);
 extern int PyTuple_SetItem(PyObject *, i64, PyObject *);
 extern int PyType_IsSubtype(void *, void *);
-extern PyObject *PyImport_ImportModule(const char *);
+extern PyObject *PyUnicode_FromString(const char *);
+extern PyObject *PyImport_GetModule(PyObject *);
+extern void Py_DecRef(PyObject *);
 extern PyObject *PyObject_GetAttrString(PyObject *, const char *);
 extern PyObject *PyModule_Create2(PyModuleDef *, int);
 extern void *PyEval_SaveThread(void);
@@ -133,7 +135,7 @@ static PyObject *array_type;
 static bool check_array(PyObject *value, const char *name, int at, char kind, int number, int other, int dimensions,
                         int flags) {
     ArrayObject *array = (ArrayObject *)value;
-    if (value->type != array_type && !PyType_IsSubtype(value->type, array_type)) {
+    if (!array_type || (value->type != array_type && !PyType_IsSubtype(value->type, array_type))) {
         PyErr_Format(PyExc_TypeError, "%s: argument %d is not an array", name, at);
         return 0;
     }
@@ -184,10 +186,17 @@ static PyMethodDef methods[] = {{
 }};
 static PyModuleDef module = {{{{{{1, 0}}, 0, 0, 0}}, "kernels", 0, -1, methods, 0, 0, 0, 0}};
 __attribute__((visibility("default"))) PyObject *PyInit_kernels(void) {{
-    PyObject *numpy = PyImport_ImportModule("numpy");
-    if (!numpy) return 0;
-    array_type = PyObject_GetAttrString(numpy, "ndarray");
-    return array_type ? PyModule_Create2(&module, ABI) : 0;
+    PyObject *name = PyUnicode_FromString("numpy");
+    if (!name) return 0;
+    PyObject *numpy = PyImport_GetModule(name); /* a process without it passes no arrays */
+    Py_DecRef(name);
+    if (!numpy && PyErr_Occurred()) return 0;
+    if (numpy) {{
+        array_type = PyObject_GetAttrString(numpy, "ndarray");
+        Py_DecRef(numpy);
+        if (!array_type) return 0;
+    }}
+    return PyModule_Create2(&module, ABI);
 }}
 """
     return "\n".join((HEAD, source.text(), PYTHON, *wrappers, module))

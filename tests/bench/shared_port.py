@@ -8,7 +8,7 @@
 The yardsticks, in the same run on the same machine: socat between the same two terminals, and no program at all (the
 driver reads the device's own terminal), i.e. what the kernel and this machine's scheduling alone cost.
 
-Budget: p99 at most 1 ms added at 2 kHz; the holder at most 2 % of a core and 30 MB.
+Budget: p99 at most 1 ms added at 2 kHz; the holder at most 1.5 times the processor time of socat, and 15 MB.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from typing import Any
 
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
+from imuscope.server.extensions.shares.relay_kernel import place
 from tests.bench.report import options_of, report
 from tests.processes import resident_mb, seconds_of
 from tests.server_process import ROOT
@@ -81,7 +82,7 @@ def held(terminal: str, folder: Path) -> Iterator[tuple[int, int]]:
     """The holder's process and a driver's descriptor; a server's connection reads along."""
     path = folder / "imu0"
     port = {"kind": "serial", "place": terminal, "baud": 2_000_000}
-    settings = HolderSettings(port, str(folder / "holder.sock"), (ShareAddress.parse(str(path)),), stay=True)
+    settings = HolderSettings(port, str(folder / "holder.sock"), (ShareAddress.parse(str(path)),), True, place() or ())
     process = subprocess.Popen(settings.command, cwd=ROOT)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server, driven(process, path) as found:
         server.connect(settings.socket)

@@ -7,6 +7,7 @@ EXTENSION = Extension(
     "Shared ports",
     parts="imuscope.server.extensions.shares.port_shares",
     routes=("imuscope.server.extensions.shares.routes",),
+    diagnoses="imuscope.server.extensions.shares.hold:findings",
     checks="imuscope.server.extensions.shares.settings:check_sources",
     commands=(
         ExtensionCommand(

@@ -6,11 +6,17 @@ This process becomes the holder (server/extensions/shares/holder), so that nothi
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
+from imuscope.recordings.priority import PERMIT, has_raised_priority
+from imuscope.server.config import Config
+from imuscope.server.diagnostics.checks import Finding
 from imuscope.server.errors import UsageError
+from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 from imuscope.server.extensions.shares.settings import OPTION
 from imuscope.server.extensions.shares.shared_port_link import ROOT, holder_settings
@@ -18,6 +24,8 @@ from imuscope.server.links import LinkSettings, open_link, steady_clock
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.serial import SerialLink
 from imuscope.server.links.tcp import TcpLink
+from imuscope.server.processes import ROOT as ROOT_FOLDER
+from imuscope.server.processes import process_folders
 
 
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -37,6 +45,17 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
         help="PATH of a pseudo-terminal, tcp://HOST:PORT or udp://HOST:PORT; may be repeated",
     )
     return command
+
+
+def findings(config: Config, root: Path = ROOT_FOLDER) -> Iterator[Finding]:
+    """Whether the holders that run come before other programs."""
+    for folder in process_folders(root):
+        with contextlib.suppress(OSError):
+            command = (folder / "cmdline").read_bytes().split(b"\0")
+            if MODULE.encode() not in command or has_raised_priority(int(folder.name)):
+                continue
+            message = f"The holder of a shared port (process {folder.name}) has no priority over other programs."
+            yield Finding("warning", "shared ports", f"{message} Beside busy ones its bytes come later.", (PERMIT,))
 
 
 def run(options: argparse.Namespace) -> None:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from imuscope.server.extensions.shares import relay_kernel
 from imuscope.server.extensions.shares.holder.messages import (
     CLIENT,
     STAMP,
@@ -443,7 +444,8 @@ def holder_settings(
     Raises:
         OSError: there is no folder for its socket.
     """
-    return HolderSettings(_source_of(link), str(socket_of(place_of(link))), tuple(shares), stay)
+    kernel = relay_kernel.place() or ()
+    return HolderSettings(_source_of(link), str(socket_of(place_of(link))), tuple(shares), stay, kernel)
 
 
 def _connect(*paths: Path) -> socket.socket | None:

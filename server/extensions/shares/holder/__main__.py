@@ -13,6 +13,7 @@ import sys
 import syslog
 from collections.abc import Callable
 
+from imuscope.recordings.priority import PERMIT, raise_priority
 from imuscope.server.end_signals import end_signals
 from imuscope.server.extensions.shares.holder.process import Holder
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
@@ -51,6 +52,8 @@ def main() -> int:
 def run(settings: HolderSettings, ready: Callable[[], None]) -> int:
     """Run a holder; `ready` is called when it answers and all shares are offered."""
     faulthandler.enable()
+    if not raise_priority() and settings.stay:
+        print(f"imuscope hold: this process has no priority over others. {PERMIT}", file=sys.stderr, flush=True)
     holder = Holder(settings)
     for number in end_signals():
         signal.signal(number, holder.end)

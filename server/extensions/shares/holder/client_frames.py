@@ -7,10 +7,9 @@ recognised. The bytes are passed on as they come, whatever is found in them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from imuscope.server.extensions.shares.holder.queues import FrameSize
 
@@ -21,8 +20,7 @@ Effect = Literal["", "begin", "change", "end"]
 EffectOf = Callable[[bytes], Effect]
 
 
-@dataclass(frozen=True, slots=True)
-class FrameRules:
+class FrameRules(NamedTuple):
     """Rules of a family: how frames are found, and which of them configure the device; None: unknown."""
 
     size: FrameSize | None = None

@@ -20,6 +20,11 @@ class EventLoop:
         self._epoll = select.epoll()
         self._handlers: dict[int, Handler] = {}
 
+    @property
+    def fd(self) -> int:
+        """Descriptor that is readable when a watched one is ready."""
+        return self._epoll.fileno()
+
     def watch(self, fd: int, events: int, handler: Handler) -> None:
         """Call `handler` when a descriptor is ready."""
         self._handlers[fd] = handler

@@ -2,6 +2,7 @@
 
     port ──read, stamp──┬── clients: at once                 the robot's driver comes first
                         └── server: at most every SERVER_NS  its samples carry the stamp
+           as machine code while nobody is behind (relay.py); else, and all the rest, here
 
 A port that is gone is opened as soon as it is back: its path is looked at with every tick. Until then its terminals and
 TCP ports are closed: a client sees what an unplugged adapter would show. Started by a server, the holder ends when
@@ -10,6 +11,7 @@ neither a server nor a client has been there for GRACE_S; with `stay`, only by a
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import time
@@ -23,6 +25,7 @@ from imuscope.server.extensions.shares.holder.clients import Client
 from imuscope.server.extensions.shares.holder.event_loop import READ, WRITE, EventLoop
 from imuscope.server.extensions.shares.holder.messages import MessageKind
 from imuscope.server.extensions.shares.holder.port import Port, PortError
+from imuscope.server.extensions.shares.holder.relay import OTHERS, PORT_FAILED, Relay
 from imuscope.server.extensions.shares.holder.requests import carry_out
 from imuscope.server.extensions.shares.holder.server_session import ServerSide
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
@@ -64,6 +67,11 @@ class Holder:
         self._speaker: int | None = None  # in the last state
         self._last_company = time.monotonic()
         self._ended = False
+        self._relay: Relay | None = None
+        self._relays = False  # the port is read by machine code, and not watched
+        if settings.kernel:
+            with contextlib.suppress(ImportError, AttributeError):  # replaced by an update meanwhile
+                self._relay = Relay(*settings.kernel)
 
     # ── the loop ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -104,8 +112,32 @@ class Holder:
             due_at = self.server.connection.due_at if self.server.connection is not None else math.inf
             if due_at <= now:
                 self.server.pass_on()
+            elif due_at == math.inf and self._relayed(next_tick + LATE_S):
+                continue
             else:
                 run_once(min(next_tick + LATE_S, due_at) - now)
+
+    def _relayed(self, until: float) -> bool:
+        """Pass on bytes by machine code until a time, or until there is more to do; False where that cannot be."""
+        relay, port, server = self._relay, self.port, self.server.connection
+        if relay is None:
+            return False
+        clients = list(self.sharing.clients.values())
+        serves = relay.serves(port, clients, server)
+        if serves != self._relays:
+            self._expect_port(0 if serves else READ | (WRITE if port.backlog else 0))
+        if not serves:
+            return False
+        state, last, taken = relay.run(port, self._loop.fd, clients, server, until)
+        if last:
+            self.sharing.put_rest(clients, last, taken)
+        if server is not None and server.backlog:
+            self.server.pass_on()
+        if state == PORT_FAILED:
+            self._on_port(READ)
+        elif state == OTHERS:
+            self._loop.run_once(0)
+        return True
 
     def end(self, *_: Any) -> None:
         """End the loop; a signal handler."""
@@ -150,6 +182,7 @@ class Holder:
         self._error = None
         self._backoff.reset()
         self._loop.watch(self.port.fd, READ, self._on_port)
+        self._relays = False
         self.server.name(self._port_link())
         self.sharing.offer_all()
 
@@ -174,7 +207,7 @@ class Holder:
             if event & WRITE:
                 self.port.write(b"")
                 if not self.port.backlog:
-                    self._loop.expect(self.port.fd, READ)
+                    self._expect_port(READ)
                 if not event & ~WRITE:  # an empty read would count as a sign that the port is gone
                     return
             data = self.port.read()
@@ -199,7 +232,11 @@ class Holder:
         before = self.port.backlog
         self.port.write(data)
         if self.port.backlog and not before:
-            self._loop.expect(self.port.fd, READ | WRITE)
+            self._expect_port(READ | WRITE)
+
+    def _expect_port(self, events: int) -> None:
+        self._relays = not events
+        self._loop.expect(self.port.fd, events)
 
     def _on_client_sent(self, client: Client, data: bytes) -> None:
         self.server.on_client_data(time.monotonic_ns(), client, data)
@@ -270,3 +307,5 @@ class Holder:
         self.port.close()
         self.server.close()
         self._loop.close()
+        if self._relay is not None:
+            self._relay.close()

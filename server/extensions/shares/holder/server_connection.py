@@ -63,6 +63,10 @@ class ServerConnection:
         self._waiting += data
         self.flush()
 
+    def keep(self, data: bytes) -> None:
+        """Let bytes wait that the server has not taken."""
+        self._waiting += data
+
     def flush(self) -> None:
         """Send what waits, as far as it is taken; errors show when reading."""
         try:

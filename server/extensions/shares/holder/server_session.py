@@ -11,8 +11,7 @@ import fcntl
 import os
 import socket
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from imuscope.server.extensions.shares.holder.clients import Client
 from imuscope.server.extensions.shares.holder.event_loop import READ, WRITE, EventLoop
@@ -25,8 +24,7 @@ MOST_WAIT_S = 10.0
 OTHER_HOLDER = "another holder has this port; end it first, or use its shares"
 
 
-@dataclass(frozen=True, slots=True)
-class WaitingWrite:
+class WaitingWrite(NamedTuple):
     """Bytes of the server that wait for the voice until a time, monotonic s."""
 
     number: int

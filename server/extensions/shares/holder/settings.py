@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 
 MODULE = "imuscope.server.extensions.shares.holder"
 
 
-@dataclass(frozen=True, slots=True)
-class HolderSettings:
+class HolderSettings(NamedTuple):
     """Settings of a holder.
 
     Args:
@@ -22,12 +20,14 @@ class HolderSettings:
         socket: path of the Unix socket for the server.
         shares: offered from the start.
         stay: run until a signal, whether or not anybody is there.
+        kernel: library and name of the loop as machine code (relay.py); () without.
     """
 
     source: Mapping[str, Any]
     socket: str
     shares: tuple[ShareAddress, ...] = ()
     stay: bool = False
+    kernel: tuple[str, ...] = ()
 
     @property
     def command(self) -> list[str]:
@@ -37,10 +37,12 @@ class HolderSettings:
     def to_text(self) -> str:
         """The inverse of `from_text`."""
         shares = [share.to_json() for share in self.shares]
-        return json.dumps({"source": self.source, "socket": self.socket, "shares": shares, "stay": self.stay})
+        return json.dumps(
+            {"source": self.source, "socket": self.socket, "shares": shares, "stay": self.stay, "kernel": self.kernel}
+        )
 
     @classmethod
     def from_text(cls, text: str) -> HolderSettings:
         body = json.loads(text)
         shares = tuple(ShareAddress.from_json(one) for one in body["shares"])
-        return cls(body["source"], body["socket"], shares, body["stay"])
+        return cls(body["source"], body["socket"], shares, body["stay"], tuple(body["kernel"]))

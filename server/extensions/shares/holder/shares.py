@@ -12,8 +12,7 @@ The first client of a share that is not read-only may write, the others read.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 from urllib.parse import parse_qsl, urlsplit
 
 ShareKind = Literal["pty", "tcp", "udp"]
@@ -26,8 +25,7 @@ class ShareError(ValueError):
     """An address of a share that cannot be used: cause, then action."""
 
 
-@dataclass(frozen=True, slots=True)
-class ShareAddress:
+class ShareAddress(NamedTuple):
     """One share.
 
     Args:
@@ -79,7 +77,7 @@ class ShareAddress:
 
     def to_json(self) -> dict[str, Any]:
         """For another process; `from_json` is the inverse."""
-        return {name: getattr(self, name) for name in self.__slots__}
+        return self._asdict()
 
     @classmethod
     def from_json(cls, body: Mapping[str, Any]) -> ShareAddress:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from imuscope.server.extensions.shares.holder.arbiter import Arbiter
@@ -261,6 +261,16 @@ class Sharing:
                 gone.append(client)
         for client in gone:
             self._hung_up(client)
+
+    def put_rest(self, clients: Sequence[Client], data: bytes, taken: Sequence[int]) -> None:
+        """Let the rest of a read wait for the clients that have taken less of it; −1: nothing, by an error."""
+        for client, count in zip(clients, taken, strict=True):
+            if count < len(data):
+                try:
+                    if client.put(data[max(count, 0) :], self.rules.size):
+                        self._expect(client)
+                except OSError:
+                    self._hung_up(client)
 
     # ── from clients ─────────────────────────────────────────────────────────────────────────────────────────────────
 
