@@ -40,9 +40,12 @@ class SensorNoise(SensorProperties):
 
     Args:
         sample: standard deviations of a sample by quantity, which outdo densities.
+        marks_unknown: whether an unknown covariance begins with −1, so that robots leave the quantity out. Files have
+            zeros, as the definition of the message says: readers of a bag take −1 for a quantity that is missing.
     """
 
     sample: Mapping[str, float] = field(default_factory=dict)
+    marks_unknown: bool = True
 
     def deviation(self, quantity: str, rate: float = 0.0) -> float:
         """Standard deviation of a sample, in SI units and rad; 0 if it is not known.

@@ -63,7 +63,9 @@ def builders_of(
     quantities: DeviceQuantities, frames: FrameNames, properties: SensorProperties
 ) -> dict[str, MessageBuilder]:
     """The builders of a device, by topic: relative to the device, or with its first slash."""
-    noise = properties if isinstance(properties, SensorNoise) else SensorNoise(**asdict(properties))
+    noise = (
+        properties if isinstance(properties, SensorNoise) else SensorNoise(**asdict(properties), marks_unknown=False)
+    )
     builders: dict[str, MessageBuilder | None] = {
         "imu/data": _imu(quantities, frames, noise, oriented=True),
         "imu/data_raw": _imu(quantities, frames, noise, oriented=False),
@@ -111,7 +113,7 @@ def _imu(of: DeviceQuantities, frames: FrameNames, noise: SensorNoise, *, orient
 
 def _attitude_covariance(noise: SensorNoise) -> Floats:
     tilt, heading = noise.deviation("tilt"), noise.deviation("heading") or NOT_KNOWN_HEADING
-    return diagonal(tilt, tilt, heading) if tilt else ABSENT
+    return diagonal(tilt, tilt, heading) if tilt else ABSENT if noise.marks_unknown else np.zeros(9)
 
 
 def _sensor(path: str, vectors: Floats | None, sigma: float, frames: FrameNames, noise: SensorNoise, n: int) -> Columns:
@@ -120,7 +122,7 @@ def _sensor(path: str, vectors: Floats | None, sigma: float, frames: FrameNames,
     if vectors is None:
         vectors = np.full((n, 3), np.nan)
     there = np.asarray(np.isfinite(vectors).all(axis=1))
-    covariance[~there if sigma else slice(None)] = ABSENT
+    covariance[slice(None) if noise.marks_unknown and not sigma else ~there] = ABSENT
     turned = in_body_axes(np.where(there[:, None], vectors, 0.0), frames, noise)
     return {**xyz(path, turned), f"{path}_covariance": covariance}
 

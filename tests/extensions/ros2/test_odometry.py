@@ -97,11 +97,14 @@ def test_nothing_is_offered_without_accuracies_or_in_the_axes_of_the_device() ->
 def test_an_unknown_covariance_begins_with_minus_one() -> None:
     """It was 0, which filters take for certain."""
     samples = [frame(3, [0.0], *LEVEL_EAST), frame(1, [0.0], [1], [2], [3]), frame(2, [0.0], [0], [0], [9.8])]
-    (message,) = built("imu/data", [TURN, ACCELERATION, QUATERNION], samples)
+    (message,) = built("imu/data", [TURN, ACCELERATION, QUATERNION], samples, noise=SensorNoise())
     assert message.orientation_covariance[0] == -1
     assert message.angular_velocity_covariance[0] == -1
     assert message.linear_acceleration_covariance[0] == -1
     assert vector(message.linear_acceleration) == [0, 0, 9.8]
+    (filed,) = built("imu/data", [TURN, ACCELERATION, QUATERNION], samples)
+    assert not filed.orientation_covariance.any(), "a reader of the bag would leave the orientation out"
+    assert not filed.angular_velocity_covariance.any()
     noise = SensorNoise(tilt=0.1)
     (vru,) = built("imu/data", [TURN, ACCELERATION, QUATERNION], samples, noise=noise)
     assert vru.orientation_covariance[[0, 4, 8]] == pytest.approx([0.01, 0.01, math.pi**2 / 3])
