@@ -16,7 +16,7 @@ import logging
 import traceback
 from typing import TYPE_CHECKING
 
-from imuscope.server.api.status_pages import health, metrics_page
+from imuscope.server.api.status_pages import device_list, health, metrics_page
 from imuscope.server.auth import refuse
 from imuscope.server.errors import DomainError
 from imuscope.server.extension import start_page_parts
@@ -55,8 +55,9 @@ class Application:
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         if self._routes is None and scope["type"] == "http" and scope["method"] == "GET":
-            if scope["path"] == "/healthz":
-                await send_text(send, "application/json", json.dumps(health(self.services), separators=(",", ":")))
+            if scope["path"] in ("/healthz", "/api/devices"):
+                body = health(self.services) if scope["path"] == "/healthz" else device_list(self.services)
+                await send_text(send, "application/json", json.dumps(body, ensure_ascii=False, separators=(",", ":")))
                 return
             if scope["path"] == "/metrics":
                 await send_text(send, CONTENT_TYPE, metrics_page(self.services))

@@ -1,17 +1,24 @@
-"""Pages for programs that watch over a server: a health check, and metrics for Prometheus."""
+"""Answers for programs that watch over a server, without routes: a health check, devices, metrics for Prometheus."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from imuscope.server.metrics import Sources
+from imuscope.server.previous_names import with_previous_keys
 from imuscope.server.services import Services
+from imuscope.server.wire_codec import to_json_safe
 
 
 def health(services: Services) -> dict[str, Any]:
     """The answer to a health check: no device data but the number of devices."""
     telemetry = services.telemetry
     return {"status": "ok", "devices": len(telemetry.bus.devices.latest), "browsers": telemetry.clients.browsers}
+
+
+def device_list(services: Services) -> list[dict[str, Any]]:
+    """The answer of GET /api/devices, which needs no routes: a watcher that waits for them takes a server for dead."""
+    return [with_previous_keys(to_json_safe(info)) for info in services.sessions.infos]
 
 
 def metrics_page(services: Services) -> str:

@@ -47,11 +47,24 @@ def test_pages_for_monitoring_are_the_same_with_and_without_routes() -> None:
             return [health.json(), health.headers["content-type"], metrics.headers["content-type"], families]
 
         before = answers()
-        assert running.client.get("/api/devices").status_code == 200
+        assert running.client.get("/api/capabilities").status_code == 200
         alarms = {line for line in answers()[-1] if "alarm" in line}  # type: ignore[attr-defined]
         after = answers()
         after[-1] = [line for line in after[-1] if line not in alarms]  # type: ignore[attr-defined]
         assert before == after
+
+
+def test_a_watcher_is_answered_before_there_are_routes() -> None:
+    """The first answer took seconds on a slow machine, though the socket accepted: a watcher called the server dead."""
+    config = Config(sources=("/dev/one", "sim:idtp"))
+    with InProcessServer(config, FakeLink) as running:
+        before = running.client.get("/api/devices")
+        assert running._app.app._routes is None
+        assert running.client.get("/api/capabilities").status_code == 200
+        after = running.client.get("/api/devices")
+        assert running._app.app._routes is not None
+        assert before.json() == after.json()
+        assert before.headers["content-type"] == after.headers["content-type"]
 
 
 def test_requests_at_once_build_the_routes_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,7 +95,7 @@ def test_routes_that_cannot_be_built_leave_the_devices_alone(
     monkeypatch.setattr(framework, "build_framework", build)
     with InProcessServer(Config(sources=("/dev/one",)), FakeLink) as running:
         for _ in range(2):
-            assert_problem(running.client.get("/api/devices"), 500, "fault")
+            assert_problem(running.client.get("/api/capabilities"), 500, "fault")
         assert running.client.get("/healthz").json()["devices"] == 1
         assert len(running.services.sessions.all) == 1
     assert sum(one.exc_info is not None for one in caplog.records) == 1
