@@ -9,6 +9,7 @@ has the facts {}, or {"error", "message", "hint"} and for an error of the system
 from __future__ import annotations
 
 import io
+import os
 import traceback
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -24,7 +25,13 @@ from imuscope.server.errors import DomainError
 from imuscope.server.fork_server import JobAnswer, serve
 from imuscope.server.library.foreign_files import MALICIOUS, FileCall
 
-USED = ("imuscope.recordings.table_preview", "imuscope.recordings.download", "imuscope.server.library.packets")
+POOL = "ARROW_DEFAULT_MEMORY_POOL"  # another one reserves 1 GiB at once, all that a small machine has for a call
+USED = (
+    "pyarrow",
+    "imuscope.recordings.table_preview",
+    "imuscope.recordings.download",
+    "imuscope.server.library.packets",
+)
 KILLED_S = 1  # from the end of its processor time to the end of the process
 PIECE = 1 << 18
 MOST_WORDS = 1000  # characters of a sentence, which may quote the file
@@ -32,6 +39,7 @@ MOST_WORDS = 1000  # characters of a sentence, which may quote the file
 
 def main() -> None:
     """Serve calls until standard input, a socket, is closed."""
+    os.environ[POOL] = "system"
     READERS.all()
     for name in USED:
         import_module(name)

@@ -64,10 +64,14 @@ class FileCall:
 
 
 class ForeignFiles:
-    """The processes that read files from outside."""
+    """The processes that read files from outside.
 
-    def __init__(self) -> None:
-        self._forks = ForkServer(MODULE, idle_s=IDLE_S)
+    Args:
+        module: what is run; fuzzing runs its own.
+    """
+
+    def __init__(self, module: str = MODULE) -> None:
+        self._forks = ForkServer(module, idle_s=IDLE_S)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._queue = FairQueue(AT_ONCE, EACH, WAITING_EACH)
         self._downloads = FairQueue(DOWNLOADS, DOWNLOADS // 2, WAITING_EACH)

@@ -9,6 +9,7 @@ Of each way to break, told by where and how, the first is kept; the others are c
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import tempfile
 import time
@@ -76,7 +77,8 @@ class ExternalRun:
 
     def _files(self, folder: Path) -> Iterator[None]:
         search = files.FileSearch(folder, self.first)
-        with files.bounded():
+        assert search.reading  # it starts before memory is limited
+        with files.bounded(), contextlib.closing(search):
             while True:
                 case = search.case()
                 faulthandler.dump_traceback_later(files.PATIENCE_S, exit=True)

@@ -17,6 +17,7 @@ What breaks is made smaller and kept under findings/files/.
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import json
 import lzma
@@ -29,7 +30,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import lz4.frame
 import zstandard
@@ -50,9 +51,13 @@ from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.viser import meshes
 from imuscope.server.library.decode import decode
 from tests.fuzz.cases import BrokenError, Case
+from tests.fuzz.reader_files import WHOLE, whole_files
 from tests.fuzz.search import CorpusSearch as Decoders
 from tests.fuzz.search import Smallest
 from tests.read_library import ReadLibrary
+
+if TYPE_CHECKING:
+    from tests.fuzz.reading import Reading
 
 PATIENCE_S = 60  # no case takes a second on a quiet machine
 ROOM = 1 << 30  # bytes; a case holds some kB. What threads reserve at once is in it
@@ -134,11 +139,16 @@ class FileKind:
         name: under which it is read: what the suffix says, and what lies beside it.
         read: (path, whether it was cut at its end) → raises what is wrong.
         beside: name → bytes, of files that belong to it.
+        is_foreign: whether a server reads it in another process.
     """
 
     name: str
     read: Callable[[Path, bool], None]
     beside: tuple[str, ...] = ()
+
+    @property
+    def is_foreign(self) -> bool:
+        return self.read is _recording
 
 
 KINDS = {
@@ -159,6 +169,7 @@ KINDS = {
     "glb": FileKind("a.glb", _refused(_mesh, meshes.MeshError)),
     "stl": FileKind("a.stl", _refused(_mesh, meshes.MeshError)),
     "text-stl": FileKind("a.stl", _refused(_mesh, meshes.MeshError)),
+    **{kind: FileKind(name, _recording) for kind, (name, _) in WHOLE.items()},
 }
 
 # -- whole files -------------------------------------------------------------------------------------------------------
@@ -287,6 +298,7 @@ def seeds(folder: Path) -> dict[str, bytes]:
         "text-stl": b"solid a\nfacet normal 0 0 1\nouter loop\n"
         + b"".join(b"vertex %d %d 0\n" % (i % 2, i // 2) for i in range(3))
         + b"endloop\nendfacet\nendsolid a\n",
+        **whole_files(folder),
     }
 
 
@@ -421,6 +433,18 @@ class FileSearch:
         made.mkdir(parents=True)
         self.whole = seeds(made)
 
+    @functools.cached_property
+    def reading(self) -> Reading:
+        """The process in whose forks files from outside are read."""
+        from tests.fuzz.reading import Reading  # which imports this module
+
+        return Reading()
+
+    def close(self) -> None:
+        """End what reads."""
+        if "reading" in vars(self):
+            self.reading.close()
+
     def case(self) -> Case:
         """The next one."""
         kind = self._kinds[self.cases % len(self._kinds)]
@@ -441,20 +465,32 @@ class FileSearch:
         path.write_bytes(case.data)
         for other in kind.beside:
             (place / KINDS[other].name).write_bytes(self.whole[other])
-        try:
-            kind.read(path, case.settings["cut"])
-        except BrokenError:
-            raise
-        except MemoryError:
-            raise BrokenError("memory", f"a {case.settings['kind']} of {len(case.data)} bytes took too much") from None
-        except Exception as error:
-            raise BrokenError(type(error).__name__, f"{error!s:.300} ({_where(error)})") from error
+        if kind.is_foreign:
+            self.reading.check(path, case.settings["kind"], cut=case.settings["cut"])
+        else:
+            attempt(kind, path, case.settings["kind"], cut=case.settings["cut"])
 
     def smaller(self, case: Case, broken: BrokenError, attempts: int = 150) -> tuple[Case, BrokenError]:
         """The minimal case that still breaks."""
         smallest = Smallest(self.check, case, broken, attempts)
         smallest.shorten()
         return smallest.case, smallest.broken
+
+
+def attempt(kind: FileKind, path: Path, name: str, *, cut: bool) -> None:
+    """Hand a file to its reader.
+
+    Raises:
+        BrokenError: what should not have happened.
+    """
+    try:
+        kind.read(path, cut)
+    except BrokenError:
+        raise
+    except MemoryError:
+        raise BrokenError("memory", f"a {name} of {path.stat().st_size} bytes took too much") from None
+    except Exception as error:
+        raise BrokenError(type(error).__name__, f"{error!s:.300} ({_where(error)})") from error
 
 
 def _where(error: BaseException) -> str:

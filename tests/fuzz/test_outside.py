@@ -15,7 +15,7 @@ from tests.each_row import each_row
 from tests.fuzz import cases, files, http, ws
 from tests.fuzz.cases import FINDINGS, BrokenError, Case
 
-FILES = 17  # one of each kind
+FILES = 36  # one of each kind
 REQUESTS = 1  # of every third operation
 TALKS = 5
 ASKED = sorted((FINDINGS / "http").glob("*.json"))
@@ -29,8 +29,11 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[http.FuzzedServ
 
 
 @pytest.fixture(scope="module")
-def files_search(tmp_path_factory: pytest.TempPathFactory) -> files.FileSearch:
-    return files.FileSearch(tmp_path_factory.mktemp("files") / "files", seed=0)
+def files_search(tmp_path_factory: pytest.TempPathFactory) -> Iterator[files.FileSearch]:
+    search = files.FileSearch(tmp_path_factory.mktemp("files") / "files", seed=0)
+    assert search.reading
+    yield search
+    search.close()
 
 
 # -- http --------------------------------------------------------------------------------------------------------------

@@ -42,7 +42,8 @@ STEPS = 100_000  # of SQLite, some milliseconds: then Python runs, which may end
 DATA = f"CASE WHEN length(data) >= {LARGE} THEN -rowid ELSE data END"
 LARGE_DATA = f"SELECT data FROM messages WHERE rowid = ? AND length(data) >= {LARGE}"
 ZSTD = b"\x28\xb5\x2f\xfd"
-SENSELESS = (sqlite3.Error, UnicodeDecodeError)  # the latter by what SQLite says about a damaged file
+# by what SQLite says about a damaged file, and by the length that a damaged row claims
+SENSELESS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
 SQLITE = b"SQLite format 3\0"
 
 
@@ -105,7 +106,8 @@ class Ros2Database(BagSource):
                     piece = _plain_piece(done, *zip(*rows, strict=True))
                     yield from (piece,) if piece is not None else self._odd_pieces(database, rows, done)
         except SENSELESS as error:
-            self.damage.append(FileDamage(-1, f"The database is damaged, the rest of it is missing: {error!s:.200}."))
+            words = str(error) or "a row takes too much memory"
+            self.damage.append(FileDamage(-1, f"The database is damaged, the rest of it is missing: {words:.200}."))
         if self._unreadable:
             self.damage.append(FileDamage(-1, f"Messages that cannot be unpacked are left out: {self._unreadable}."))
 

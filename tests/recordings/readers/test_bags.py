@@ -7,6 +7,7 @@ import sqlite3
 import struct
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from rosbags.rosbag2 import StoragePlugin
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.readers.formats import ros2_bag as ros2_bag_reader
 from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES
 from imuscope.recordings.readers.formats.ros2_bag import Ros2Database
 from tests.each_row import each_row
@@ -209,3 +211,34 @@ def test_a_folder_that_is_no_bag_names_what_a_bag_has(tmp_path: Path) -> None:
         (tmp_path / "metadata.yaml").write_text(text)
         with pytest.raises(RecordingError):
             open_file(tmp_path)
+
+
+def test_a_row_that_claims_too_much_costs_the_rest_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SQLite has no memory for the length of a damaged row: the whole recording was refused. Found by fuzzing."""
+    [path] = ros2_bag(tmp_path / "bag").glob("*.db3")
+    monkeypatch.setattr(ros2_bag_reader, "ROWS", 100)
+    connected = ros2_bag_reader._connected
+
+    class Cursor:
+        def __init__(self, cursor: sqlite3.Cursor) -> None:
+            self._cursor, self._turns = cursor, 0
+            self.fetchone = cursor.fetchone
+
+        def fetchmany(self, rows: int) -> list[tuple[object, ...]]:
+            self._turns += 1
+            if self._turns > 2:
+                raise MemoryError
+            return self._cursor.fetchmany(rows)
+
+    class Database:
+        def __init__(self, path: Path) -> None:
+            self._database = connected(path)
+            self.close = self._database.close
+
+        def execute(self, *words: Any) -> Cursor:
+            return Cursor(self._database.execute(*words))
+
+    source = open_file(path)
+    monkeypatch.setattr(ros2_bag_reader, "_connected", Database)
+    assert sum(len(part.ends) for part in source.parts()) == 200
+    assert "takes too much memory" in source.damage[0].words
