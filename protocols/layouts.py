@@ -232,7 +232,7 @@ def _write_number(field: Field, value: Any) -> bytes:
         except OverflowError:
             raise EncodeError(f"{field.name} is beyond a {8 * dtype.itemsize}-bit float, given {value!r}") from None
     limits = np.iinfo(dtype)
-    if int(value) != value or not limits.min <= value <= limits.max:
+    if not limits.min <= value <= limits.max or int(value) != value:  # NaN is in no range
         raise EncodeError(f"{field.name} is a whole number from {limits.min} to {limits.max}, given {value!r}")
     return int(value).to_bytes(
         dtype.itemsize, "little" if field.dtype.startswith("<") else "big", signed=limits.min < 0

@@ -250,7 +250,7 @@ def load(toml: Path | None = None, **values: Any) -> Config:
             settings = tomllib.loads(toml.read_text(encoding="utf-8"))
         except OSError as error:
             raise ConfigError(f"{toml} cannot be read: {error.strerror}.") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ConfigError(f"{toml} is not valid TOML: {error}.") from None
     values = {name: value for name, value in values.items() if value is not None}
     for name, value in values.items():

@@ -89,7 +89,7 @@ def parse(text: str) -> Schema:
     """
     try:
         document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
+    except (tomllib.TOMLDecodeError, RecursionError) as problem:
         raise SchemaError(f"the schema is not valid TOML: {problem}") from None
     _only("the schema", document, ("message",))
     rows: dict[int, Message] = {}

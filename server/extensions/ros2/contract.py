@@ -101,7 +101,7 @@ def read_contract(path: str) -> list[TopicTerms]:
         content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise ValueError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}.") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not TOML: {error}.") from None
     return [_terms(path, topic, about) for topic, about in content.items()]
 
