@@ -5,7 +5,7 @@
 
 The holder calls it as long as nothing else is to be done, and does everything else itself, as it does all without
 machine code. It has no numpy, so all arguments are numbers, and it loads the function from the library of this source
-that its starter names (`place`). What is left over comes back through a pipe, which needs no address of memory.
+that its starter names (`place`). The rest comes back through a pipe, which needs no address of memory.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def relay(
         others: readable when anything else is to be done: an epoll.
         clients: non-blocking descriptors; −1 for none.
         server: the same; −1 for none.
-        spill: a pipe for what is left over: the last read, if a client has not taken it all, then bytes for the server.
+        spill: a pipe for the rest: the last read, if a client has not taken it all, then bytes for the server.
         until_ns: by the monotonic clock.
 
     Returns:
@@ -103,14 +103,14 @@ def relay(
                 state = 2
         is_due = now >= flush_ns or now >= until_ns or state != 0
         if size > 0 and (is_due or ROOM - size < READ_BYTES + HEAD_BYTES):
-            taken = write(server, into, size)
-            if taken < 0:
-                taken = 0
-            if taken < size:
+            sent = write(server, into, size)
+            if sent < 0:
+                sent = 0
+            if sent < size:
                 if state == 2:
                     write(spill, start, count)
-                write(spill, into + taken, size - taken)
-                return 2, total, count, a, b, c, d, size - taken
+                write(spill, into + sent, size - sent)
+                return 2, total, count, a, b, c, d, size - sent
             size = 0
             flush_ns = until_ns
     if state == 2:

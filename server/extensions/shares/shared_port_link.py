@@ -444,8 +444,8 @@ def holder_settings(
     Raises:
         OSError: there is no folder for its socket.
     """
-    kernel = relay_kernel.place() or ()
-    return HolderSettings(_source_of(link), str(socket_of(place_of(link))), tuple(shares), stay, kernel)
+    about = _source_of(link), str(socket_of(place_of(link))), tuple(shares)
+    return HolderSettings(*about, stay=stay, kernel=relay_kernel.place() or ())
 
 
 def _connect(*paths: Path) -> socket.socket | None:
@@ -487,15 +487,8 @@ def _run_holder(settings: HolderSettings) -> None:
 
 
 def _source_of(inner: SerialLink | TcpLink) -> dict[str, Any]:
-    if isinstance(inner, SerialLink):
-        line = inner.line
-        return {
-            "kind": "serial",
-            "place": inner.place,
-            "baud": line.baud,
-            "bits": line.bits,
-            "parity": PARITIES[line.parity],
-            "stop": line.stop,
-            "flow": line.flow,
-        }
-    return {"kind": "tcp", "host": inner.host, "port": inner.port}
+    if isinstance(inner, TcpLink):
+        return {"kind": "tcp", "host": inner.host, "port": inner.port}
+    line = inner.line
+    about = {"kind": "serial", "place": inner.place, "baud": line.baud, "parity": PARITIES[line.parity]}
+    return {**about, "bits": line.bits, "stop": line.stop, "flow": line.flow}

@@ -2,7 +2,7 @@
 
     port ──read, stamp──┬── clients: at once                 the robot's driver comes first
                         └── server: at most every SERVER_NS  its samples carry the stamp
-           as machine code while nobody is behind (relay.py); else, and all the rest, here
+           as machine code while every client keeps up (relay.py); else, and all the rest, here
 
 A port that is gone is opened as soon as it is back: its path is looked at with every tick. Until then its terminals and
 TCP ports are closed: a client sees what an unplugged adapter would show. Started by a server, the holder ends when
@@ -70,7 +70,7 @@ class Holder:
         self._relay: Relay | None = None
         self._relays = False  # the port is read by machine code, and not watched
         if settings.kernel:
-            with contextlib.suppress(ImportError, AttributeError):  # replaced by an update meanwhile
+            with contextlib.suppress(ImportError, AttributeError):  # it was replaced by an update
                 self._relay = Relay(*settings.kernel)
 
     # ── the loop ─────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -128,9 +128,9 @@ class Holder:
             self._expect_port(0 if serves else READ | (WRITE if port.backlog else 0))
         if not serves:
             return False
-        state, last, taken = relay.run(port, self._loop.fd, clients, server, until)
+        state, last, counts = relay.run(port, self._loop.fd, clients, server, until)
         if last:
-            self.sharing.put_rest(clients, last, taken)
+            self.sharing.put_rest(clients, last, counts)
         if server is not None and server.backlog:
             self.server.pass_on()
         if state == PORT_FAILED:

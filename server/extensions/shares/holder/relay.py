@@ -1,6 +1,6 @@
 """The loop of a shared port as machine code: loaded without numpy, and called with what the holder has.
 
-It takes the place of the holder's own loop while every client keeps up; whoever does not is served by Python until its
+It takes the place of the holder's own loop while every client keeps up; one that does not is served by Python until its
 queue is empty. `server/extensions/shares/relay_kernel.py` is the function, and its documentation.
 """
 
@@ -54,7 +54,7 @@ class Relay:
     def run(
         self, port: Port, others: int, clients: Sequence[Client], server: ServerConnection | None, until: float
     ) -> tuple[int, bytes, Sequence[int]]:
-        """Pass on what arrives until a time, monotonic, s.
+        """Pass on bytes of the device until a time, monotonic, s.
 
         Returns:
             state, and the last read with what each client has taken of it if one has not taken it all.
@@ -68,15 +68,15 @@ class Relay:
             self._spill,
             int(until * SECOND_NS),
         )
-        taken, unsent = rest[: len(clients)], rest[MOST_CLIENTS]
+        counts, unsent = rest[: len(clients)], rest[MOST_CLIENTS]
         last = b""
-        for client, count in zip(clients, taken, strict=True):
+        for client, count in zip(clients, counts, strict=True):
             client.sent += total - size + max(count, 0)
             if count < size:
                 last = last or os.read(self._left_over, size)
         if unsent and server is not None:
             server.keep(os.read(self._left_over, unsent))
-        return state, last, taken
+        return state, last, counts
 
     def close(self) -> None:
         os.close(self._left_over)

@@ -262,9 +262,9 @@ class Sharing:
         for client in gone:
             self._hung_up(client)
 
-    def put_rest(self, clients: Sequence[Client], data: bytes, taken: Sequence[int]) -> None:
+    def put_rest(self, clients: Sequence[Client], data: bytes, counts: Sequence[int]) -> None:
         """Let the rest of a read wait for the clients that have taken less of it; −1: nothing, by an error."""
-        for client, count in zip(clients, taken, strict=True):
+        for client, count in zip(clients, counts, strict=True):
             if count < len(data):
                 try:
                     if client.put(data[max(count, 0) :], self.rules.size):
