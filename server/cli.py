@@ -75,6 +75,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `imuscope inspect … | head`
         _silence()
         return 0
+    except ImportError as error:
+        from imuscope.server.diagnostics.checks import foreign_import
+
+        if not (text := foreign_import(error)):
+            raise
+        print(f"imuscope: {printable(text)}", file=sys.stderr)
+        return 1
     except OSError as error:
         if error.errno not in UNWRITABLE:
             raise

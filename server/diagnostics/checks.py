@@ -5,6 +5,7 @@
     disk       is the data folder writable, how much is free, how long does a sync to disk take?
     clock      synchronised (NTP)? stepping? a fast clock source of the kernel?
     machine    memory, load, a governor that slows the processor; is there compiled code; is the page built?
+    packages   of another place (PYTHONPATH) in place of those that were installed with imuscope
 
 Each finding states a fact and, if necessary, a remedy: commands that can be pasted. Nothing is changed, and no port is
 opened, so that devices in use are not disturbed.
@@ -26,6 +27,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 from typing import Literal
@@ -101,7 +103,8 @@ def run_checks(machine: Machine) -> list[Finding]:
     """All findings, in the order listed at the top of this file."""
     offset = machine.wall() - machine.steady()
     findings = [*ports(machine), *programs(machine), *disk(machine)]
-    return [*findings, *clock(machine, offset), *memory(machine), *processor(machine), *program(machine)]
+    findings += [*clock(machine, offset), *memory(machine), *processor(machine), *program(machine)]
+    return [*findings, *packages()]
 
 
 # ── ports ────────────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -365,6 +368,36 @@ def program(machine: Machine) -> Iterator[Finding]:
     if machine.port and (who := _listener(machine)):
         todo = ("Give another with --port, or stop it.",) if who != "imuscope" else ()
         yield Finding("ok" if who == "imuscope" else "warning", f"port {machine.port}", f"{who} listens there.", todo)
+
+
+def packages(path: str | None = None) -> Iterator[Finding]:
+    """Packages that PYTHONPATH puts before those of imuscope."""
+    for name in ("numpy", "pyarrow", "serial"):
+        spec = find_spec(name)
+        file = spec.origin if spec is not None else None
+        if place := _on_python_path(file or "", path):
+            words = f"It comes from {place}, which PYTHONPATH names, and not from imuscope's own installation."
+            yield Finding("warning", name, words, ("Start imuscope without it: env -u PYTHONPATH imuscope …",))
+
+
+def foreign_import(error: ImportError, path: str | None = None) -> str:
+    """Why a package that PYTHONPATH names cannot be imported: cause and remedy; "" if it was another one."""
+    at, place, file = error.__traceback__, "", ""
+    while at is not None:
+        if found := _on_python_path(at.tb_frame.f_code.co_filename, path):
+            place, file = found, at.tb_frame.f_code.co_filename
+        at = at.tb_next
+    if not place:
+        return ""
+    name = Path(file).relative_to(place).parts[0].removesuffix(".py")
+    return f"{name} of {place}, which PYTHONPATH names, cannot be used: {error}. Start without it: env -u PYTHONPATH …"
+
+
+def _on_python_path(file: str, path: str | None) -> str:
+    """The folder of PYTHONPATH that has a file; "" for none."""
+    folders = (os.environ.get("PYTHONPATH", "") if path is None else path).split(os.pathsep)
+    own = str(Path(__file__).absolute().parents[2])
+    return next((one for one in folders if one and one != own and file.startswith(f"{one.rstrip('/')}/")), "")
 
 
 def _listener(machine: Machine) -> str:

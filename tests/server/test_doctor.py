@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -230,6 +231,22 @@ def test_a_port_of_the_network_that_is_taken(machine: Machine) -> None:
     wanted = replace(machine, port=8080)
     assert "nginx listens" in only(wanted, "warning", "port 8080").message
     assert wrong(replace(machine, port=8081)) == []
+
+
+def test_a_numpy_on_the_python_path_is_named(tmp_path: Path) -> None:
+    """A robot's environment had one for another Python: the start ended with a traceback."""
+    (tmp_path / "numpy").mkdir()
+    (tmp_path / "numpy" / "__init__.py").write_text('raise ImportError("numpy.core.multiarray failed to import")')
+    for command in ("doctor", "serve", "--version"):
+        words, environment = [sys.executable, "-m", "imuscope", command], os.environ | {"PYTHONPATH": str(tmp_path)}
+        said = subprocess.run(words, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+        assert said.returncode == 1
+        assert f"numpy of {tmp_path}, which PYTHONPATH names, cannot be used: numpy.core.multi" in said.stderr
+        assert "Traceback" not in said.stderr
+    own = str(Path(checks.find_spec("numpy").origin).parents[1])  # type: ignore[union-attr, arg-type]
+    names = [one.about for one in checks.packages(own)]
+    assert names == ["numpy", "pyarrow", "serial"]
+    assert not list(checks.packages("/opt/ros/jazzy/lib/python3.12/site-packages"))
 
 
 def test_what_is_printed_and_the_exit_status() -> None:
