@@ -125,9 +125,7 @@ class Recorder:
         self._watcher: asyncio.Task[None] | None = None
         self._starting = asyncio.Lock()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._standing = StandingRecording(
-            plan.folder, lambda words: self.start(words=words), lambda: self._now is not None, self._report
-        )
+        self._standing = StandingRecording(plan.folder, self.start, lambda: self._now is not None, self._report)
         sessions.on_added(self._appeared)
 
     # ── start and stop ───────────────────────────────────────────────────────────────────────────────────────────────
@@ -413,12 +411,12 @@ class Recorder:
             return  # already ended
         why = why or now.writer.error
         last = self.state
-        self._now = None
+        self._now, behind_s = None, last.behind_s
         last.running, last.behind_s, last.seconds_left = False, 0.0, None
         last.message, last.hint = (why.message, why.hint) if why is not None else ("", "")
         self._last = last
         if why is not None:
-            last.hint = self._standing.ended(why) or why.hint
+            last.hint = self._standing.ended(why, behind_s) or why.hint
             self._report("error", f"The recording has ended: {why.message}", last.hint)
         self._bus.recorder.publish(last)
         self._bus.library_changed()

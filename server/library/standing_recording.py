@@ -6,7 +6,8 @@
 
 A robot has no operator to press the button again. There is room when a part of the disk is free (`room_for`), so that a
 disk around its limit does not fill a folder with short files; and each attempt waits longer than the one before, until
-a recording lasts.
+a recording lasts. Between attempts the disk is looked at every LOOK_S. A recording that is resumed begins with what is
+missing, as far as it is in memory.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from imuscope.server.errors import DomainError
 log = logging.getLogger("imuscope.recorder")
 
 FIRST_S, LONGEST_S = 5.0, 300.0
+LOOK_S = 1.0
+OVERLAP_S = 1.0  # of two files: what was about to be written when the disk was full
 LASTS_S = 600.0  # a recording that is longer was not a failed attempt
 SHARE, MOST_BYTES = 20, 500 * 10**6
 """One part in so many of the disk has to be free, and no more than so much."""
@@ -42,7 +45,7 @@ class StandingRecording:
 
     Args:
         folder: of the recordings.
-        start: starts a recording of all devices; `words`: for its name.
+        start: starts a recording of all devices; `words`: for its name; `before_s`: of memory, to begin with.
         is_running: whether there is a recording, this one or another.
         report: publishes an event.
     """
@@ -50,7 +53,7 @@ class StandingRecording:
     def __init__(
         self,
         folder: Path,
-        start: Callable[[str], Awaitable[object]],
+        start: Callable[..., Awaitable[object]],
         is_running: Callable[[], bool],
         report: Callable[[wire.Level, str, str], None],
     ) -> None:
@@ -59,6 +62,7 @@ class StandingRecording:
         self._words = ""
         self._backoff = Backoff(FIRST_S, LONGEST_S)
         self._started = -LASTS_S
+        self._missing_since: float | None = None  # monotonic, s; None: nothing was recorded before
         self._waiting: asyncio.Task[None] | None = None
 
     @property
@@ -71,10 +75,16 @@ class StandingRecording:
         self._is_wanted, self._words = True, words
         return await self._attempt()
 
-    def ended(self, why: RecordingError) -> str:
-        """Take note that the recording has ended by an error; returns the sentence on when it is resumed, or ""."""
+    def ended(self, why: RecordingError, behind_s: float = 0.0) -> str:
+        """Take note that the recording has ended by an error; returns the sentence on when it is resumed, or "".
+
+        Args:
+            behind_s: age of the oldest bytes that were not written.
+        """
         if not (self._is_wanted and why.is_full):
             return ""
+        if self._missing_since is None:
+            self._missing_since = time.monotonic() - behind_s - OVERLAP_S
         if not self.is_waiting:
             if time.monotonic() - self._started > LASTS_S:
                 self._backoff.reset()
@@ -92,13 +102,17 @@ class StandingRecording:
         return was_waiting
 
     async def _wait(self) -> None:
+        pause = self._backoff.next()
         while self._is_wanted:
-            await asyncio.sleep(self._backoff.next())
+            await asyncio.sleep(pause)
             if self._is_running():  # a user was faster; if that one ends by the full disk, too, `ended` is called
                 return
-            if await asyncio.to_thread(self._has_room) and await self._attempt() is None:
-                self._report("warning", "The disk has room again: recording has been resumed.", "")
-                return
+            pause = LOOK_S
+            if await asyncio.to_thread(self._has_room):
+                if await self._attempt() is None:
+                    self._report("warning", "The disk has room again: recording has been resumed.", "")
+                    return
+                pause = self._backoff.next()
 
     def _has_room(self) -> bool:
         try:
@@ -110,12 +124,13 @@ class StandingRecording:
 
     async def _attempt(self) -> RecordingError | None:
         try:
-            await self._start(self._words)
+            missing_s = time.monotonic() - self._missing_since if self._missing_since is not None else 0.0
+            await self._start(words=self._words, before_s=missing_s)
         except RecordingError as error:
             return error
         except DomainError:  # a user was faster
             return None
-        self._started = time.monotonic()
+        self._started, self._missing_since = time.monotonic(), None
         return None
 
 

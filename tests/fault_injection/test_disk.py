@@ -208,6 +208,7 @@ class FullDisk:
         monkeypatch.setattr(shutil, "disk_usage", lambda folder: Usage(10**9, 0, self.free))
         monkeypatch.setattr(standing_recording, "FIRST_S", 0.001)
         monkeypatch.setattr(standing_recording, "LONGEST_S", 0.002)
+        monkeypatch.setattr(standing_recording, "LOOK_S", 0.002)
 
 
 @pytest.fixture
@@ -247,6 +248,7 @@ def test_a_standing_recording_is_resumed_when_a_full_disk_has_room(
         assert state["hint"] == "Recording is resumed by itself when 50 MB are free."
         disk.free = 49 * 10**6  # not enough: a little is free again and again on such a disk
         wait(3)
+        send(running, links, "/dev/one", sample(3))
         assert not running.client.get("/api/recorder").json()["running"]
         disk.free = 51 * 10**6
         block_until(lambda: running.client.get("/api/recorder").json()["running"], "recording again")
@@ -257,7 +259,8 @@ def test_a_standing_recording_is_resumed_when_a_full_disk_has_room(
         ]
         send(running, links, "/dev/one", sample(2))
         settled(running)
-    assert chunks(tmp_path / "recordings" / f"{second['id']}.mcap") == sample(2)
+    # with what memory still has of the time without room: it began with what came after there was room again
+    assert chunks(tmp_path / "recordings" / f"{second['id']}.mcap").endswith(sample(3) + sample(2))
 
 
 def test_a_standing_recording_begins_when_a_disk_that_was_full_at_the_start_has_room(
