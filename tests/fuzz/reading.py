@@ -27,7 +27,8 @@ class Reading:
         self._loop = asyncio.new_event_loop()
         self._files = ForeignFiles(__name__)
         os.environ[file_worker.POOL] = "system"  # before this module imports in the process what uses it
-        threading.Thread(target=self._loop.run_forever, name="reading", daemon=True).start()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="reading", daemon=True)
+        self._thread.start()
         asyncio.run_coroutine_threadsafe(self._files.prepare(), self._loop).result()
 
     def check(self, path: Path, kind: str, *, cut: bool) -> None:
@@ -43,6 +44,8 @@ class Reading:
     def close(self) -> None:
         asyncio.run_coroutine_threadsafe(self._files.close(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
 
 
 def broken(path: Path, kind: str, cut: bool) -> list[str]:
