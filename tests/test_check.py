@@ -112,10 +112,11 @@ def test_the_nearest_tests_are_taken_first(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(affected, "python_files", lambda *folders: [tmp_path / name for name in sources])
     monkeypatch.setattr(affected, "durations", lambda: {"tests/test_clock.py": 3.0, "tests/test_device.py": 4.0})
     near, far = "tests/test_clock.py", "tests/test_device.py"
-    assert affected.affected_tests(["server/clock.py"], 10) == affected.Affected((near, far), 0)
-    assert affected.affected_tests(["server/clock.py"], 5) == affected.Affected((near,), 1)
-    assert affected.affected_tests(["server/clock.py"], 1) == affected.Affected((near,), 1)  # one at least
-    assert affected.affected_tests(["tests/test_other.py", "README.md"], 10).files == ("tests/test_other.py",)
+    rules = affected.RULES
+    assert affected.affected_tests(["server/clock.py"], 10) == affected.Affected((*rules, near, far), 0)
+    assert affected.affected_tests(["server/clock.py"], 5) == affected.Affected((*rules, near), 1)
+    assert affected.affected_tests(["server/clock.py"], 1) == affected.Affected((*rules, near), 1)  # one at least
+    assert affected.affected_tests(["tests/test_other.py", "README.md"], 10).files == (*rules, "tests/test_other.py")
 
 
 def test_imports_are_read_without_parsing(tmp_path: Path) -> None:

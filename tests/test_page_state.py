@@ -26,7 +26,10 @@ LISTED: dict[str, tuple[set[str], str]] = {
     "ui/canvas.ts": ({"cache", "cachedTheme"}, "colours of the theme, read once"),
     "ui/theme.ts": ({"theme"}, "a document has one theme"),
     "workspace/parts.ts": ({"parts"}, "filled while modules are loaded"),
-    "wire/capabilities.ts": ({"capabilities", "byName", "abbreviations"}, "all pages of a document have one server"),
+    "wire/capabilities.ts": (
+        {"capabilities", "byName", "abbreviations", "isViewOnly"},
+        "all pages of a document have one server",
+    ),
 }
 WORKER = "wire/socket-worker.ts"  # runs once for each store, and shares nothing with the page
 

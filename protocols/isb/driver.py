@@ -8,7 +8,7 @@
     text   $…                    ──>   a sentence if one is documented, else nothing
 
 There is no Config state: a device measures while it is configured, so `within` only restores the streams afterwards.
-A restart ends what is not stored: `resume` starts it again, and stores nothing (resuming.py).
+A restart ends streams that are not stored: `resume` starts them again, and stores nothing (resuming.py).
 Streams are read from DID_RMC, which names them, and by listening, which gives their rates. Those to be changed are
 written one by one, and no others; they are then observed, and any that did not arrive is requested once more. If a row
 gives the interval of its packets (period × source_ms), and the device uses another source than assumed, the multiple is

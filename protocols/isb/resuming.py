@@ -1,11 +1,11 @@
-"""What runs on a device is started again after a restart, without storing it.
+"""Start what runs on a device again after a restart, without storing it.
 
     before   streams and sentences of this port, as found
     restart  SAVE_FLASH, SOFTWARE_RESET: the device comes back with the streams that are stored
     after    GET_DATA with its period for each stream found, the sentences; STOP for stored streams that did not run
 
-SAVE_PERSISTENT_MESSAGES would store streams that nobody asked to store: it is a command of its own, and an option of
-the streams.
+SAVE_PERSISTENT_MESSAGES would store streams without a request: it is a command of its own, and an option of the
+streams.
 
 Source: ISB document, "Persistent Messages", "Get Data Command".
 """
@@ -43,8 +43,8 @@ def frames_of(values: Mapping[str, Mapping[str, Any]], version: str) -> list[byt
     sentences = values.get(SENTENCES, {}).get("nmeaBroadcastMsgs", [])
     packets = streams_frames({"streams": streams})
     if any(one["msgID"] and one["msgPeriod"] for one in sentences):
-        wanted = {"options": 0, "nmeaBroadcastMsgs": sentences}
-        packets += set_frames(NMEA_PERIODS, wanted, version, held=True)
+        values_sent = {"options": 0, "nmeaBroadcastMsgs": sentences}
+        packets += set_frames(NMEA_PERIODS, values_sent, version, held=True)
     return packets
 
 
@@ -52,11 +52,11 @@ def resume(packets: Sequence[bytes], request: Requester, *, gpx: bool) -> Transa
     """Start what ran, end stored streams that did not run."""
     for packet in packets:
         yield Send(packet)
-    wanted = {_did(packet) for packet in packets if packet[2] & TYPE_MASK == GET_DATA}
+    running = {_did(packet) for packet in packets if packet[2] & TYPE_MASK == GET_DATA}
     with suppress(DeviceRejectedError, NoReplyError):
         rmc = yield from request(GPX_RMC if gpx else RMC)
         for did in dids_of(rmc.get("bits", 0), gpx=gpx):
-            if did not in wanted:
+            if did not in running:
                 yield Send(frames.build(frames.STOP_DID, did))
     yield PutBack()
 

@@ -150,7 +150,7 @@ async def live(socket: WebSocket, services: TheServices) -> None:
     stuck_s = services.timings.stuck_s
     sender = WebSocketSender(socket, clients, stuck_s)
     state = socket.scope.get("state", {})
-    # an operator commands a part of what a fleet server shows: what is beyond it is refused with the reason
+    # an operator commands a part of the robots of a fleet server: requests to the others are refused with the reason
     clients.attach(sender.queue, "control" if state.get("operator") else state.get("role", "control"))
     services.parts.viewed()
     _log(sender, f"is connected, from {sender.peer or 'an unknown peer'}.", logging.INFO)

@@ -330,7 +330,7 @@ class Jobs:
         if refused:
             if any(one.actual is None and not one.refused for one in written):
                 raise JobError(job.message if good else "The device could not be read back.", recovery.AWAY_HINT)
-            hint = "The previous values of what was refused are unchanged."
+            hint = "The refused settings have their previous values."
             raise JobError(job.message if good else f"The device refused: {refused[0].reason}.", hint)
 
     # ── other jobs ───────────────────────────────────────────────────────────────────────────────────────────────────

@@ -6,7 +6,7 @@ A transaction may end without having put the device back: its link broke, the de
 server was killed and finds the file when it starts again. Then the frames are sent as soon as the device is there: an
 MTi measures again, the streams of an IMX run again. They are sent at the rate at which the device was left: the link
 may have none of its own, and a silent device shows none (baud_scan.py). It is back when it has confirmed every frame
-(DeviceDriver.confirms), and that is said only then. A device that measures by itself, after it was without power, is
+(DeviceDriver.confirms), and is reported only then. A device that measures by itself, after it was without power, is
 sent nothing; one that another program or a user takes over is left to them. Settings that were being written are rolled
 back by server/configuration/rollback.py.
 """
@@ -143,7 +143,7 @@ class PutBackTask:
         if not self._left or (self._task is not None and not self._task.done()):
             return
         self._protocol, self._tries = self._controller.member.info.protocol, 0
-        self._tell_link()
+        self._update_link()
         self._report("warning", WAITING)
         self._task = asyncio.get_running_loop().create_task(self._work(), name="put back")
 
@@ -158,10 +158,10 @@ class PutBackTask:
     def forget(self) -> None:
         """Leave the device as it is."""
         self._frames = self._left = ()
-        self._tell_link()
+        self._update_link()
 
-    def _tell_link(self) -> None:
-        """Let the link, which may be another by now, know what is owed."""
+    def _update_link(self) -> None:
+        """Give the link, which may be another by now, the frames that are owed."""
         link = self._controller.member.access.link
         link.owed = OwedFrames(self._baud, WAITING) if self._left else None
 
@@ -178,7 +178,7 @@ class PutBackTask:
     async def _until_back(self) -> None:
         backoff = Backoff(self._timings.port_poll_s, LONGEST_S)
         while self._left:
-            self._tell_link()
+            self._update_link()
             await asyncio.sleep(backoff.next())
             if not self._controller.member.link_session.info.is_open:
                 backoff.reset()

@@ -5,7 +5,7 @@
     Driver.risks                     risks of single fields
     a restart                        for settings that take effect after one
 
-A write of a setting itself is what was asked for; its wear of the flash memory is mentioned in the form.
+A write of a setting itself is requested; its wear of the flash memory is mentioned in the form.
 """
 
 from __future__ import annotations

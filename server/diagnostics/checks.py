@@ -384,8 +384,8 @@ def foreign_import(error: ImportError, path: str | None = None) -> str:
     """Why a package that PYTHONPATH names cannot be imported: cause and remedy; "" if it was another one."""
     at, place, file = error.__traceback__, "", ""
     while at is not None:
-        if found := _on_python_path(at.tb_frame.f_code.co_filename, path):
-            place, file = found, at.tb_frame.f_code.co_filename
+        if folder := _on_python_path(at.tb_frame.f_code.co_filename, path):
+            place, file = folder, at.tb_frame.f_code.co_filename
         at = at.tb_next
     if not place:
         return ""

@@ -67,7 +67,7 @@ class ForeignFiles:
     """The processes that read files from outside.
 
     Args:
-        module: what is run; fuzzing runs its own.
+        module: of the process; fuzzing has its own.
     """
 
     def __init__(self, module: str = MODULE) -> None:

@@ -6,7 +6,7 @@
 
 A robot has no operator to press the button again. There is room when a part of the disk is free (`room_for`), so that a
 disk around its limit does not fill a folder with short files; and each attempt waits longer than the one before, until
-a recording lasts. Between attempts the disk is looked at every LOOK_S. A recording that is resumed begins with what is
+a recording lasts. Between attempts the disk is looked at every CHECK_S. A recording that is resumed begins with what is
 missing, as far as it is in memory.
 """
 
@@ -28,8 +28,8 @@ from imuscope.server.errors import DomainError
 log = logging.getLogger("imuscope.recorder")
 
 FIRST_S, LONGEST_S = 5.0, 300.0
-LOOK_S = 1.0
-OVERLAP_S = 1.0  # of two files: what was about to be written when the disk was full
+CHECK_S = 1.0
+OVERLAP_S = 1.0  # of two files: the bytes that were to be written when the disk was full
 LASTS_S = 600.0  # a recording that is longer was not a failed attempt
 SHARE, MOST_BYTES = 20, 500 * 10**6
 """One part in so many of the disk has to be free, and no more than so much."""
@@ -107,7 +107,7 @@ class StandingRecording:
             await asyncio.sleep(pause)
             if self._is_running():  # a user was faster; if that one ends by the full disk, too, `ended` is called
                 return
-            pause = LOOK_S
+            pause = CHECK_S
             if await asyncio.to_thread(self._has_room):
                 if await self._attempt() is None:
                     self._report("warning", "The disk has room again: recording has been resumed.", "")

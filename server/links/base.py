@@ -180,7 +180,7 @@ class Link(ABC):
         detects_baud: `open` tries each rate until a protocol is detected.
         protocol: protocol of its bytes, if the link determines it; "" otherwise.
         preamble: bytes that a decoder, or a recording, needs before those that it receives from now on.
-        owed: what is owed to the device; the search for its rate ends at that rate if it is silent there.
+        owed: frames that are owed to the device; the search for its rate ends at that rate if it is silent there.
     """
 
     kind: str

@@ -75,7 +75,7 @@ async def find_baud(
     Args:
         port: serial.Serial, non-blocking.
         progress: called with each attempt.
-        owed: what is owed to the device now.
+        owed: frames that are owed to the device.
 
     Raises:
         LinkError: "refused" if no bytes, or no known protocol, were received at any rate.

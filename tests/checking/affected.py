@@ -18,6 +18,8 @@ from tests.cache_folder import cache_folder
 from tests.source_files import PACKAGE, ROOT, python_files, text_of
 
 SOURCES = ("protocols", "recordings", "server", "tests")
+RULES = ("tests/test_english.py", "tests/test_architecture.py", "tests/test_page_state.py")
+"""Tests that read all sources, so that no import leads to them; they take ten seconds, and are always run."""
 UNKNOWN_S = 2.0  # a file of tests that was never timed
 NOT_RUN = ("bench", "browser", "interop", "plugin_family")  # folders of tests/ without tests, or with slow ones
 
@@ -47,7 +49,7 @@ def changed_files(since: str = "") -> list[str]:
 
 
 def affected_tests(changed: Iterable[str], seconds: float) -> Affected:
-    """Files of tests that import what changed, the nearest first, as many as fit into some seconds."""
+    """The rules, and files of tests that import what changed, the nearest first, as many as fit into some seconds."""
     modules = {_module(path): path for path in python_files(*SOURCES)}
     importers: dict[str, set[str]] = {name: set() for name in modules}
     for name, path in modules.items():
@@ -65,13 +67,13 @@ def affected_tests(changed: Iterable[str], seconds: float) -> Affected:
             seen |= importers[name]
     timed = durations()
     files: list[str] = []
-    for name in found:
-        path = str(modules[name].relative_to(ROOT))
+    paths = [path for name in found if (path := str(modules[name].relative_to(ROOT))) not in RULES]
+    for path in paths:
         seconds -= timed.get(path, UNKNOWN_S)
         if seconds < 0 and files:
             break
         files.append(path)
-    return Affected(tuple(files), len(found) - len(files))
+    return Affected((*RULES, *files), len(paths) - len(files))
 
 
 def imports_of(path: Path) -> set[str]:

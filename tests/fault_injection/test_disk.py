@@ -208,7 +208,7 @@ class FullDisk:
         monkeypatch.setattr(shutil, "disk_usage", lambda folder: Usage(10**9, 0, self.free))
         monkeypatch.setattr(standing_recording, "FIRST_S", 0.001)
         monkeypatch.setattr(standing_recording, "LONGEST_S", 0.002)
-        monkeypatch.setattr(standing_recording, "LOOK_S", 0.002)
+        monkeypatch.setattr(standing_recording, "CHECK_S", 0.002)
 
 
 @pytest.fixture

@@ -90,3 +90,14 @@ def read(path: Path) -> Case:
 def findings(protocol: str) -> Iterator[Path]:
     """The files of all findings of a protocol."""
     yield from sorted((FINDINGS / protocol).glob("*.hex"))
+
+
+def where(error: BaseException) -> str:
+    """The innermost frame in the project's code."""
+    trace, place = error.__traceback__, ""
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        if "site-packages" not in code.co_filename and "/lib/python" not in code.co_filename:
+            place = f"{Path(code.co_filename).name}:{trace.tb_lineno}"
+        trace = trace.tb_next
+    return place

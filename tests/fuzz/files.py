@@ -32,8 +32,6 @@ from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Any
 
-import lz4.frame
-import zstandard
 from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 
@@ -50,7 +48,7 @@ from imuscope.server.devices.decode_options import DecodeOptionError, checked_op
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.viser import meshes
 from imuscope.server.library.decode import decode
-from tests.fuzz.cases import BrokenError, Case
+from tests.fuzz.cases import BrokenError, Case, where
 from tests.fuzz.reader_files import WHOLE, whole_files
 from tests.fuzz.search import CorpusSearch as Decoders
 from tests.fuzz.search import Smallest
@@ -490,22 +488,4 @@ def attempt(kind: FileKind, path: Path, name: str, *, cut: bool) -> None:
     except MemoryError:
         raise BrokenError("memory", f"a {name} of {path.stat().st_size} bytes took too much") from None
     except Exception as error:
-        raise BrokenError(type(error).__name__, f"{error!s:.300} ({_where(error)})") from error
-
-
-def _where(error: BaseException) -> str:
-    """The innermost frame in the project's code."""
-    trace, place = error.__traceback__, ""
-    while trace is not None:
-        code = trace.tb_frame.f_code
-        if "site-packages" not in code.co_filename and "/lib/python" not in code.co_filename:
-            place = f"{Path(code.co_filename).name}:{trace.tb_lineno}"
-        trace = trace.tb_next
-    return place
-
-
-def squeezed(packing: str, data: bytes) -> bytes:
-    """Compressed as an MCAP chunk is."""
-    if packing == "zstd":
-        return bytes(zstandard.ZstdCompressor().compress(data))
-    return bytes(lz4.frame.compress(data))
+        raise BrokenError(type(error).__name__, f"{error!s:.300} ({where(error)})") from error

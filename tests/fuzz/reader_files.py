@@ -11,7 +11,7 @@ from pathlib import Path
 
 import zstandard
 
-from tests.recordings.readers import bags, flight_logs, test_binary_tables, test_hdf5, test_witmotion
+from tests.recordings.readers import bags, binary_tables, flight_logs, hdf5_files, witmotion_frames
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 TABLE = "time (s),gyro.x (rad/s)\n" + "".join(f"{n / 100},{n % 7}\n" for n in range(200))
@@ -46,21 +46,21 @@ WHOLE: dict[str, tuple[str, Callable[[Path], bytes]]] = {
     "ros2": ("a.db3", _ros2),
     "ulog": ("a.ulg", lambda _: flight_logs.ulog()),
     "dataflash": ("a.bin", lambda _: flight_logs.dataflash()),
-    "parquet": ("a.parquet", _written(test_binary_tables.parquet)),
-    "arrow": ("a.arrow", _written(test_binary_tables.arrow)),
-    "arrows": ("a.arrows", _written(test_binary_tables.arrow_stream)),
-    "npz": ("a.npz", _written(test_binary_tables.npz)),
-    "npy": ("a.npy", _written(test_binary_tables.npy)),
-    "mat": ("a.mat", _written(test_binary_tables.mat)),
-    "hdf5": ("a.h5", _written(test_hdf5.packed)),
-    "mat73": ("a.mat", _written(test_hdf5.matlab)),
+    "parquet": ("a.parquet", _written(binary_tables.parquet)),
+    "arrow": ("a.arrow", _written(binary_tables.arrow)),
+    "arrows": ("a.arrows", _written(binary_tables.arrow_stream)),
+    "npz": ("a.npz", _written(binary_tables.npz)),
+    "npy": ("a.npy", _written(binary_tables.npy)),
+    "mat": ("a.mat", _written(binary_tables.mat)),
+    "hdf5": ("a.h5", _written(hdf5_files.packed)),
+    "mat73": ("a.mat", _written(hdf5_files.matlab)),
     "zip": ("a.zip", _zip),
     "gzip": ("a.csv.gz", lambda _: gzip.compress(TABLE.encode())),
     "zstd": ("a.csv.zst", lambda _: zstandard.compress(TABLE.encode())),
     "utf16": ("a.csv", lambda _: TABLE.encode("utf-16")),
     "lines": ("a.jsonl", lambda _: "".join(f"{json.dumps({'t': n / 100, 'x': n})}\n" for n in range(99)).encode()),
     "can": ("a.asc", lambda _: gzip.decompress((GOLDEN / "can" / "mti.asc.gz").read_bytes())[:9000]),
-    "witmotion": ("a.bin", lambda _: b"".join(test_witmotion.cycle(n, clock=True) for n in range(40))),
+    "witmotion": ("a.bin", lambda _: b"".join(witmotion_frames.cycle(n, clock=True) for n in range(40))),
 }
 """Kind → name of the file, and what makes it in an empty folder."""
 

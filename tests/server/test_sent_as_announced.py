@@ -1,4 +1,4 @@
-"""What is sent is what was announced: each setting and command of each family, on a device that logs.
+"""Frames sent and frames announced are equal: each setting and command of each family, on a device that logs.
 
 Jobs run as in the server; only their transactions are played to the simulator in virtual time, which logs each frame.
 Besides reads, and the states of an MTi in which it is read and written, it must receive the frames of the preview.
