@@ -85,6 +85,7 @@ class ExternalRun:
                 try:
                     search.check(case)
                 except BrokenError as broken:
+                    faulthandler.cancel_dump_traceback_later()  # to make it smaller takes many attempts
                     way = f"{case.settings['kind']} {broken.kind}"
                     if not self.kinds[way]:
                         case, broken = search.smaller(case, broken)
