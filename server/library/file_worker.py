@@ -27,7 +27,8 @@ from imuscope.server.library.foreign_files import MALICIOUS, FileCall
 
 POOL = "ARROW_DEFAULT_MEMORY_POOL"  # another one reserves 1 GiB at once, all that a small machine has for a call
 USED = (
-    "pyarrow",
+    "encodings.utf_8_sig",
+    "pyarrow.compute",
     "imuscope.recordings.table_preview",
     "imuscope.recordings.download",
     "imuscope.server.library.packets",
@@ -43,6 +44,7 @@ def main() -> None:
     READERS.all()
     for name in USED:
         import_module(name)
+    import_module("pyarrow").array([0])  # it looks for pandas, and imports what is there
     memory = memory_of_one()
 
     def limit() -> None:
