@@ -27,7 +27,7 @@ WORKERS = (
         "imuscope.server.library.export_worker",
         "imuscope.server.library.export_sizes",
         "imuscope.server.library.file_worker",
-        "imuscope.server.links.played_file_worker",
+        "imuscope.server.played_file_worker",
     ),
     *filter(
         _is_there,

@@ -82,6 +82,7 @@ SERVER: dict[str, set[str]] = {
         *("wire_codec", "fair_queue", "fork_server", "links", "streaming", "devices", "config", "configuration"),
     },
     "decode_worker": {"devices", "library"},
+    "played_file_worker": set(),
     "integrations": {"wire_codec", "streaming", "config", "auth"},
     "reference": {"configuration", "library"},
     "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},

@@ -22,7 +22,7 @@ from imuscope.recordings.resource_limits import seconds_for
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice
 from imuscope.server.workers import Worker
 
-MODULE = "imuscope.server.links.played_file_worker"
+MODULE = "imuscope.server.played_file_worker"
 OPENING_SHARE = 4  # opening may take so many times the processor time that it may take
 MALICIOUS = "The file may be damaged or malicious."
 

@@ -78,8 +78,7 @@ def _first_modules() -> Iterator[str]:
     yield from ("imuscope.server.app", "imuscope.server.http_server", "imuscope.server.commands.serve")
     for folder in ("server/api", "server/links", "recordings/exporters/formats"):
         for path in (ROOT / folder).glob("*.py"):
-            if not path.stem.endswith("_worker"):
-                yield f"imuscope.{folder.replace('/', '.')}.{path.stem}".removesuffix(".__init__")
+            yield f"imuscope.{folder.replace('/', '.')}.{path.stem}".removesuffix(".__init__")
     for one in extensions():
         yield from filter(None, (one.parts, one.page_parts, *one.routes))
 

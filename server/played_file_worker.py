@@ -1,4 +1,4 @@
-"""`python -m imuscope.server.links.played_file_worker`: read a file that is played, for played_file.py.
+"""`python -m imuscope.server.played_file_worker`: read a file that is played, for played_file.py.
 
 Standard input is a socket. Its first line is JSON {path, protocol}, answered with {format, devices, damage, span,
 preambles}; each further line {pass, start, stop} is answered with the blocks of the file: {pass, device, direction,
