@@ -153,7 +153,8 @@ class Config:
         recordings_quota_gb: maximum size of all recordings together, 10⁹ bytes; 0 for no quota.
         split_mb, split_min: size (10⁶ bytes) or duration at which a recording continues in a new file; 0 for never.
         sync_s: time between two fdatasyncs of a recording, whose end a power cut loses; 0 to leave them to the system.
-        record_head: request the Configuration of an Xsens device when a recording begins (it pauses for a moment).
+        record_head: request the Configuration of an Xsens device when a recording begins, which pauses it for about
+            90 ms; otherwise the recording has what was read last, or what the device sent when it started.
         upload_gb: maximum size of an uploaded recording, 10⁹ bytes.
         log_format, log_level: format and lowest level of the log on standard error (server/logging_setup.py).
         map: tile server for a map under the track (server/integrations/map_tiles.py).
@@ -183,7 +184,7 @@ class Config:
     split_mb: Annotated[float, zero_or(0.1, 1e6, "MB")] = 0.0
     split_min: Annotated[float, zero_or(0.01, 1e6, "min")] = 0.0
     sync_s: Annotated[float, zero_or(0.1, 60, "s", "left to the system")] = 1.0
-    record_head: bool = True
+    record_head: bool = False
     upload_gb: Annotated[float, Interval(gt=0, le=1e6)] = 16.0
     log_format: Annotated[str, one_of(*STYLES)] = "text"
     log_level: Annotated[str, one_of(*LEVELS)] = "info"

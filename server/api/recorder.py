@@ -35,7 +35,7 @@ async def start(body: StartRequest, services: TheServices) -> wire.RecorderState
     check_length(body.title, MAX_TITLE, "The title")
     _seconds(body.before_s, "before_s")
     try:
-        return await services.recorder.start(body.devices, body.title, before_s=body.before_s)
+        return await services.recorder.start(body.devices, body.title, before_s=body.before_s, with_head=body.with_head)
     except RecordingError as error:
         raise DomainError("disk", error.message, error.hint) from None
 
@@ -67,6 +67,14 @@ async def save_memory(body: SaveMemoryRequest, services: TheServices) -> SavedMe
         return await services.recorder.save(body.devices, t0, body.t1, body.title)
     except RecordingError as error:
         raise DomainError("disk", error.message, error.hint) from None
+
+
+@router.post("/api/recordings/read-headers", responses=responses(409, 422))
+async def read_headers(services: TheServices) -> wire.RecorderState:
+    """Read the configuration of each MTi that the running recording lacks (`headless`), for an .mtb export. It pauses
+    the device for about 90 ms.
+    """
+    return services.recorder.read_headers()
 
 
 @router.post("/api/recordings/stop", responses=responses(409, 422))

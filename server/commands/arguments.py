@@ -46,7 +46,8 @@ CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sour
   split_mb, split_min             size or duration at which a recording continues in a new file (0: never)
   sync_s                          longest time until a recording is on the disk itself, s (default 1; 0: left to the
                                   system): what a power cut loses
-  record_head                     request the header of the vendor log format from the device (default true)
+  record_head                     request the header of the vendor log format when a recording begins (default false),
+                                  which pauses an MTi for about 90 ms
   upload_gb                       maximum size of an uploaded recording (default 16)
   [map] tiles, attribution        tile server for the map under the track
 """

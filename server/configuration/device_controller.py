@@ -55,7 +55,10 @@ log = logging.getLogger("imuscope.configuration")
 T = TypeVar("T")
 
 MAX_WAITING = 16
+LOG_HEADER = "Configuration"  # the setting that is stale when the header is
 MAX_DONE = 5
+RESTART_S = 0.2  # without samples: the restart, not those on their way
+PAUSE_ENDS_S = 3.0  # after a job; its device sends by then
 REST = "It is in the {state} state, in which it sends no data."
 REST_HINT = "Send {command} to resume measuring."
 UNANSWERED_HINT = "Check its power, its cable and the baud rate, then read its settings again."
@@ -129,6 +132,8 @@ class DeviceController:
         self.values: dict[str, Values] = {}  # the device's settings, as last read
         self.missing: dict[str, str] = {}  # settings that could not be read then, and why
         self.read_at = 0.0  # unix s
+        self._restarted = "", 0.0, 0.0  # title of the job that restarted it, its last sample before, and when
+        self.header: dict[str, str] = {}  # frames of the header of its log, as last received: name → hex
         self.product = ""  # of the last reading, which may know more than the stream reports
         self.serial_number = ""
         self.firmware = ""
@@ -217,7 +222,7 @@ class DeviceController:
     def _forget(self) -> None:
         """Forget the values of a sensor that is gone: another one is in its place."""
         if self.serial_number != self.member.info.serial_number:
-            self.values, self.missing, self.cut_off, self.unfinished = {}, {}, {}, {}
+            self.values, self.missing, self.cut_off, self.unfinished, self.header = {}, {}, {}, {}, {}
             self.product = self.serial_number = self.firmware = self.state = ""
             self.read_at = 0.0
             self.put_back.forget()
@@ -227,6 +232,8 @@ class DeviceController:
     def invalidate(self, names: Collection[str], why: str) -> None:
         """Mark the values of these settings as unknown, so that old values are not shown."""
         stale = [name for name in names if name in self.values]
+        if LOG_HEADER in names:
+            self.header = {}
         self.values = {name: values for name, values in self.values.items() if name not in stale}
         self.missing = {**self.missing, **dict.fromkeys(stale, why)}
 
@@ -315,6 +322,7 @@ class DeviceController:
         self._running = task
         task.job.state, task.job.started = "running", self.bus.now()
         self.member.suppress_timeout(True)
+        self.member.explain_pause(task.job.title)
         self.notify()
         try:
             await task.work(task)
@@ -329,9 +337,14 @@ class DeviceController:
             self._finish(task, "failed", message, hint)
         finally:
             self._running = None
+            asyncio.get_running_loop().call_later(PAUSE_ENDS_S, self._pause_has_ended)
             self.member.suppress_timeout(False)
             self.put_back.transaction_ended()
             self.notify()
+
+    def _pause_has_ended(self) -> None:
+        if self._running is None:
+            self.member.explain_pause("")
 
     def _finish(self, task: QueuedJob, state: str, message: str = "", hint: str = "") -> None:
         job = task.job
@@ -408,8 +421,11 @@ class DeviceController:
 
     def _on_traffic(self, event: Event) -> None:
         self.log.on_received(event)
+        if isinstance(event, Reply):
+            self._keep_header(event)
         if isinstance(event, Batch | Reply):
             if isinstance(event, Batch):
+                self._report_restart()
                 self._sample_s, self._sampled_at = self.bus.now() - self._sampled_at, self.bus.now()
             try:
                 driver = self.driver
@@ -428,6 +444,27 @@ class DeviceController:
                 if not self.at_rest and self._running is None:
                     self._explain_rest(state == AT_REST)  # by another program
                 self.notify()
+
+    def restarts(self, title: str) -> None:
+        """Note that a job restarts the device: its first sample afterwards tells for how long it sent none."""
+        self._restarted = title, self._sampled_at, self.bus.now()
+
+    def _report_restart(self) -> None:
+        title, last, asked = self._restarted
+        now = self.bus.now()
+        if title and now - max(self._sampled_at, asked) > RESTART_S and not self.driver.ends_rest:
+            self._restarted = "", 0.0, 0.0
+            text = f"No samples for {now - last:.1f} s: imuscope had restarted the device (“{title}”)."
+            self.bus.event(self.device, "device", "info", text, span=(last, now))
+
+    def _keep_header(self, reply: Reply) -> None:
+        """Keep what the header of a log is made of, whoever asked for it; a starting device sends it by itself."""
+        family = PROTOCOLS.get(self.member.info.protocol)
+        header = family.logs.log_header if family is not None else None
+        if header is None or reply.message.id not in header.frames:
+            return
+        if frame := self.member.access.bytes_at(reply.offset, reply.size):
+            self.header = {**self.header, header.frames[reply.message.id]: frame.hex()}
 
     def _name_of(self, frame: bytes) -> str:
         try:

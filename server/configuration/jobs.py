@@ -243,6 +243,7 @@ class Jobs:
     ) -> list[WriteResult]:
         """Restart the device and read the written settings back."""
         controller.step(task, "The device restarts")
+        controller.restarts(task.job.title)
         again: Sequence[bytes] = ()
         try:
             again = await controller.run(controller.driver.store_and_restart(controller.context))

@@ -404,6 +404,7 @@ class RollbackRun:
     async def _restart(self) -> None:
         """Store and restart. A lost answer to a reset is normal."""
         known = self._known_values(self._controller.member.access.baud)
+        self._controller.restarts(self._task.job.title)
         try:
             running = await self._controller.run(self._driver.store_and_restart(known))
             self._running = self._running or running  # what an earlier restart ended does not run now

@@ -59,6 +59,7 @@ class EventReporter:
     def __init__(self, sink: TelemetrySink, device: str) -> None:
         self._sink = sink
         self._device = device
+        self.job = ""  # title of the job that stopped the device, until it sends again
         self._period = 0.0
         self._counts: Counter[str] = Counter()
         self._sums: dict[str, _Sum] = {}
@@ -84,6 +85,12 @@ class EventReporter:
         suppressed.last = blame.words
         suppressed.parts[blame.by] += 1
         suppressed.span(t0, t1)
+
+    def pause(self, t0: float, t1: float, words: str) -> None:
+        """Report that the device measured nothing between two host times, because it was asked to: `words` say why."""
+        because = f"imuscope had stopped the device (“{self.job}”)." if self.job else words
+        text = f"No samples for {_duration(t1 - t0)}: {because}"
+        self.report("gap", "info", text, time=t1, span=(t0, t1), data={"by": "request"})
 
     def gap_withdrawn(self, gap: SampleGap) -> None:
         """Report that samples reported as lost were not."""

@@ -190,6 +190,7 @@ class Ingest:
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last good frame
         self._changes = about.stream.output_changes() if about.stream.output_changes is not None else None
+        self._explained: set[int] = set()  # positions of those that a counter has shown
         self._interruptions: list[tuple[int, tuple[int, str]]] = []  # since the last frame: position, rank and reason
         self._last_offset = -1  # of the last frame of the previous drain
         unknown_ns = NETWORK_NS if is_network(line.kind) else 0
@@ -325,7 +326,7 @@ class Ingest:
     # ── events ──
 
     def _report(self, events: Sequence[Event], batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> None:
-        if len(batches) == len(events) and batches and self._line.timed:  # samples only, the usual case
+        if len(batches) == len(events) and batches and self._line.timed and not self._interruptions:  # the usual case
             ends = [_last(batch, time) for batch, time in zip(batches, times, strict=True)]
             self._last_time = max(ends) if self._last_time is None else max(self._last_time, *ends)
             self._rejects_before = 0
@@ -369,12 +370,27 @@ class Ingest:
         if rejects:
             self._count_rejects(rejects)
         if len(hosts):
+            self._report_pauses(offsets, hosts)
             self._last_offset = int(offsets[-1])
             self._interruptions = [one for one in self._interruptions if one[0] > self._last_offset]
             self._last_time = float(hosts[-1])
             self._rejects_before = sum(reject.offset > offsets[-1] for reject in damaged)
         else:
             self._rejects_before += len(damaged)
+
+    def _report_pauses(self, offsets: NDArray[np.int64], hosts: NDArray[np.float64]) -> None:
+        """Report what was not measured because of a request, where no counter has shown it."""
+        reasons: dict[int, tuple[int, str]] = {}
+        for offset, reason in self._interruptions:
+            if self._last_offset < offset < offsets[-1] and offset not in self._explained:
+                at = int(np.searchsorted(offsets, offset))
+                reasons[at] = max(reason, reasons.get(at, reason))
+        for at, (_, words) in reasons.items():
+            before = float(hosts[at - 1]) if at else self._last_time
+            if before is not None and hosts[at] > before:
+                self._stats.gaps += 1
+                self._events.pause(before, float(hosts[at]), words)
+        self._explained.clear()
 
     def _pauses(self, hosts: NDArray[np.float64]) -> list[float]:
         """Report pauses of a capture by the device's clock; returns the end of each, unix s."""
@@ -433,7 +449,9 @@ class Ingest:
         """Cause of a loss between two positions, if a user requested it."""
         if self._changes is None:
             return None
-        reasons = [reason for offset, reason in self._interruptions if begin < offset < end]
+        between = [(offset, reason) for offset, reason in self._interruptions if begin < offset < end]
+        self._explained.update(offset for offset, _ in between)
+        reasons = [reason for _, reason in between]
         reasons += [self._changes.standing] if self._changes.standing is not None else []
         return LossCause("request", max(reasons)[1]) if reasons else None
 

@@ -78,6 +78,10 @@ class LinkMember:
         """Ignore silence of the device while `on`; see LinkAccess.suppress_timeout."""
         self.access.suppress_timeout(on, self.name)
 
+    def explain_pause(self, job: str) -> None:
+        """Name the job that stops the device; "" when it sends again."""
+        self._sender.events.job = job
+
     def explain_silence(self, reason: QuietReason | None) -> None:
         """Set the reason for which the device will send nothing; None: there is none any more."""
         self._sender.quiet_reason = reason

@@ -93,6 +93,8 @@ class StartRequest:
     devices: list[str] | None = None  # null: all
     title: str = ""
     before_s: float = 0.0  # begin with the bytes of the last seconds, as far as they are in memory
+    with_head: bool | None = None  # request the Configuration of an MTi, which pauses it for about 90 ms; null: as
+    # `record_head` of the configuration says
 
 
 @dataclass(slots=True)

@@ -1,4 +1,9 @@
-"""Device information for the header of an .mtb log, queried once when recording starts and the device is received.
+"""Device information for the header of an .mtb log: what was received last, and a request if somebody wants one.
+
+    before the recording   the device sends its Configuration when it starts, and when its settings are read:
+                           DeviceController.header has the last one
+    while it is recorded   the same, whoever asks
+    on request             once; the device does not measure meanwhile
 
 The answers are recorded like all bytes; their frames are also passed to `on_result`, because a log in the vendor's own
 format needs them at its beginning and takes them from the recording's metadata.
@@ -26,12 +31,22 @@ class LogHeaderRequest:
     def __init__(self, controller: DeviceController, on_result: Callable[[Mapping[str, str]], None]) -> None:
         self._controller = controller
         self._on_result = on_result
-        self._requested = False
+        self._requested = self._is_known = False
         self._unsubscribe = controller.member.listen(self._on_bytes)
+        if controller.header:
+            self._is_known = True
+            on_result(controller.header)
 
     def close(self) -> None:
         """Stop listening."""
         self._unsubscribe()
+
+    @property
+    def lacking(self) -> str:
+        """Name of the device if its header is not in the recording and may be requested; else ""."""
+        info = self._controller.member.info
+        is_possible = info.status == "live" and info.link != "file" and self._header() is not None
+        return info.name if is_possible and not self._is_known and not self._unasked() else ""
 
     def send(self) -> None:
         """Queue the request once, if the device has such a header."""
@@ -79,4 +94,5 @@ class LogHeaderRequest:
         if isinstance(event, Reply) and header is not None and event.message.id in header.frames:
             frame = self._controller.member.access.bytes_at(event.offset, event.size)
             if frame:
+                self._is_known = True
                 self._on_result({header.frames[event.message.id]: frame.hex()})

@@ -4,9 +4,10 @@
                                                                   │ finished, or full and split
                                                                   └──> CompactionWorker (a process) ──> small, indexed
 
-Devices that appear later join a recording of all devices. The Configuration of an Xsens device is requested, because
-the vendor's program needs it at the head of a log; the device pauses for that once per recording, through the queue of
-its controller (server/configuration/device_controller.py). A refusal is reported and harmless.
+Devices that appear later join a recording of all devices. The Configuration of an Xsens device, which the vendor's
+program needs at the head of a log, is the one that was received last (server/library/log_header.py). It is requested
+only if somebody wants that: the device pauses for it, through the queue of its controller
+(server/configuration/device_controller.py). A refusal is reported and harmless.
 
 `start(before_s=…)` begins with the bytes that are in memory already (server/devices/byte_memory.py), and `save` writes
 those alone to a recording of their own, also while another one runs.
@@ -74,7 +75,7 @@ class RecordingOptions:
     folder: Path
     limits: Limits = field(default_factory=Limits)
     quota_bytes: int = 0
-    request_header: bool = True
+    request_header: bool = False
     follow_clock: bool = True
     sync_s: float = 1.0
 
@@ -138,7 +139,7 @@ class Recorder:
         path: Path | None = None,
         words: str = "",
         before_s: float = 0.0,
-        with_head: bool = True,
+        with_head: bool | None = None,
     ) -> wire.RecorderState:
         """Start a recording.
 
@@ -149,8 +150,8 @@ class Recorder:
             words: text for the file name; by default the title or the names of the received devices.
             before_s: begin with the bytes of the last seconds, as far as they are in memory; no byte is lost or
                 doubled between them and those that follow.
-            with_head: request the Configuration of an Xsens device, if that is wanted of recordings at all. The
-                device pauses for it, just when something may be happening that starts a recording by itself.
+            with_head: request the Configuration of an Xsens device, which pauses it for about 90 ms; None: as the
+                setting `record_head` says.
 
         Raises:
             DomainError: a recording is running, or a device is unknown.
@@ -161,7 +162,7 @@ class Recorder:
                 raise DomainError("busy", "A recording is already running.", "Stop it first.")
             chosen, every = self._chosen(devices), devices is None
             since = self._bus.now() - before_s if before_s else None
-            request_header = self.plan.request_header and with_head
+            request_header = self.plan.request_header if with_head is None else with_head
             now = await self._new_session(chosen, title, path, words, since, every=every, request_header=request_header)
             self._now = now
             for session in self._sessions.all if every else chosen:
@@ -261,6 +262,17 @@ class Recorder:
         now.mark(mark)
         return self.state
 
+    def read_headers(self) -> wire.RecorderState:
+        """Read the headers that the running recording lacks, which pauses their devices.
+
+        Raises:
+            DomainError: no recording is running.
+        """
+        if self._now is None:
+            raise DomainError("not-now", "No recording is running.", "Start a recording first.")
+        self._now.request_headers()
+        return self.state
+
     def now(self) -> float:
         """Unix time without steps, s."""
         return self._bus.now()
@@ -282,6 +294,7 @@ class Recorder:
             behind_s=now.writer.behind_s,
             free=free,
             seconds_left=now.seconds_left(free),
+            headless=now.headless,
         )
 
     @property

@@ -289,6 +289,17 @@ class RecordingSession:
         if self._with_header and info.status == "live" and info.id in self._heads:
             self._heads[info.id].send()
 
+    @property
+    def headless(self) -> list[str]:
+        """Names of the devices whose header is lacking and could be requested."""
+        return [name for head in self._heads.values() if (name := head.lacking)]
+
+    def request_headers(self) -> None:
+        """Request the headers that are lacking: their devices pause."""
+        for head in self._heads.values():
+            if head.lacking:
+                head.send()
+
     def _settings(self, controller: DeviceController) -> None:
         """Write the settings of a device if they are known and have changed."""
         if not controller.values or self._written_settings.get(controller.device) == controller.values:

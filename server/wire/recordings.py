@@ -21,6 +21,7 @@ class RecorderState:
     seconds_left: float | None = None  # until the disk is full, at the present rate
     message: str = ""  # why it stopped unexpectedly; "" otherwise
     hint: str = ""
+    headless: list[str] = field(default_factory=list)  # names of MTi whose configuration is not in it, for an .mtb
     op: Literal["recorder"] = "recorder"
 
 

@@ -296,6 +296,8 @@ async def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_p
         frames = [bytes.fromhex(entry.hex) for entry in sent(desk) if entry.name.startswith("SET_DID_FLASH_CONFIG")]
         assert frames
         assert all(len(frame) < 20 for frame in frames)
+        pause = "imuscope had restarted the device (“Write”)."
+        await until(lambda: any(pause in event.text for event in here.telemetry.log), "the pause is told")
 
 
 async def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:

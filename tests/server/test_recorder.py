@@ -13,18 +13,22 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from imuscope.protocols.xbus.output_changes import CONFIGURED
 from imuscope.recordings import quota
 from imuscope.recordings.compaction import compact
 from imuscope.recordings.file_names import free_path, slug
+from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_source import McapSource
 from imuscope.recordings.mcap_writer import McapWriter, RecordingError
 from imuscope.recordings.own_recordings import is_uncompacted
 from imuscope.recordings.recording_writer import Limits
 from imuscope.server.config import Config, load
+from imuscope.server.devices import protocol_set
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.compaction_worker import CompactionWorker
+from imuscope.server.library.decode import decode
 from imuscope.server.library.recorder import RecordingOptions, plan_of
 from tests.bench.tcp_device import TcpDevice
 from tests.recordings.mcap_files import json_messages
@@ -244,8 +248,43 @@ def test_a_name_from_outside_never_becomes_a_path(tmp_path: Path) -> None:
 # ── with real simulators ──────────────────────────────────────────────────────────────────────────────────────────────
 
 
-async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(tmp_path: Path) -> None:
+async def test_a_recording_stops_no_sensor(tmp_path: Path) -> None:
+    """It sent GoToConfig for the head of the log: 100 ms of nothing, and "No loss since this session began"."""
     async with recorder(tmp_path) as (made, one):
+        desk = await made.add("sim:xbus")
+        desk.header = {}  # as if it had been plugged in long ago
+        state = await one.start()
+        assert state.headless == ["MTi-630"]
+        samples = desk.member.link_session._pipeline.samples
+        await until(lambda: desk.member.link_session._pipeline.samples > samples + 50, "it is recorded")
+        assert "GoToConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
+        assert one.read_headers().headless == ["MTi-630"]  # on request
+        await until(lambda: not one.state.headless, "the head has been read")
+        await until(lambda: any(event.kind == "gap" for event in made.telemetry.log), "it measures again")
+        pause = next(event for event in made.telemetry.log if event.kind == "gap")
+        assert "imuscope had stopped the device (“Read its configuration for the recording”)." in pause.text
+        assert pause.data["by"] == "request"
+        await one.stop()
+        path = tmp_path / "recordings" / f"{state.id}.mcap"
+        store = decode(open_file(path), tmp_path / "opened", protocol_set.all_protocols())
+        gaps = [event for event in store.manifest["events"] if event["kind"] == "gap"]
+        assert [event["text"].partition(":")[2] for event in gaps] == [f" {CONFIGURED}"]
+        assert (pause.t0, pause.t1) == pytest.approx((gaps[0]["t0"], gaps[0]["t1"]), abs=0.01)
+
+
+async def test_a_recording_has_the_configuration_that_was_received_before(tmp_path: Path) -> None:
+    async with recorder(tmp_path) as (made, one):
+        desk = await made.add("sim:xbus")
+        await made.read(desk)
+        state = await one.start()
+        assert state.headless == []
+        await one.stop()
+        with McapReader(tmp_path / "recordings" / f"{state.id}.mcap") as recording:
+            assert bytes.fromhex(recording.meta("device/1")["configuration"])[:3] == b"\xfa\xff\x0d"
+
+
+async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(tmp_path: Path) -> None:
+    async with recorder(tmp_path, RecordingOptions(tmp_path / "recordings", request_header=True)) as (made, one):
         desk = await made.add("sim:xbus")
         state = await one.start()
         await until(lambda: desk.job_report.done, "the head has been read")
@@ -269,7 +308,7 @@ async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(
 
 
 async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path: Path) -> None:
-    plan = RecordingOptions(tmp_path / "recordings", Limits(split_bytes=30_000))
+    plan = RecordingOptions(tmp_path / "recordings", Limits(split_bytes=30_000), request_header=True)
     async with recorder(tmp_path, plan) as (made, one):
         desk = await made.add("sim:xbus?rate=400")
         heard: list[bytes] = []

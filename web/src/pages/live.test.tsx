@@ -37,6 +37,7 @@ test("a double click begins a recording, and does not end it", async () => {
     behind_s: 0,
     free: null,
     seconds_left: null,
+    headless: [],
     message: "",
     hint: "",
   };

@@ -12,6 +12,7 @@ const state = (running: boolean, more: Partial<RecorderState> = {}): RecorderSta
   behind_s: 0,
   free: null,
   seconds_left: null,
+  headless: [],
   message: "",
   hint: "",
   op: "recorder",

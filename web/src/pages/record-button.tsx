@@ -72,7 +72,9 @@ export const isRecording = (app: App): boolean => app.store.recorder.value?.runn
 export async function toggleRecord(app: App): Promise<void> {
   await run(
     app,
-    isRecording(app) ? recordingsApi.stop() : recordingsApi.start({ devices: null, title: "", before_s: 0 }),
+    isRecording(app)
+      ? recordingsApi.stop()
+      : recordingsApi.start({ devices: null, title: "", before_s: 0, with_head: null }),
   );
 }
 
@@ -205,6 +207,14 @@ export function Record({ app }: { readonly app: App }) {
         title={TEXT.addMarkerHint}
         onClick={(event) => void (event.shiftKey ? beginNote(app) : mark(app))}
       />
+      {state.headless.length > 0 && (
+        <IconButton
+          changes
+          icon="paper"
+          label={TEXT.readHeader(state.headless.join(", "))}
+          onClick={() => void run(app, recordingsApi.readHeaders())}
+        />
+      )}
       <FromMemory app={app} />
       {noteAt.value !== undefined && <Note app={app} time={noteAt.value} />}
       <Said words={said.value} />

@@ -34,6 +34,7 @@ export const recordingsApi = {
   /** Bytes of live links that are in memory. */
   memory: () => request("GET /api/recorder/memory"),
   saveMemory: (body: SaveMemoryRequest) => request("POST /api/recordings/save-memory", { body }),
+  readHeaders: () => request("POST /api/recordings/read-headers"),
   stop: () => request("POST /api/recordings/stop"),
   mark: (body: MarkerRequest) => request("POST /api/recordings/mark", { body }),
   /** Opens it: the answer is the progress until part of it is available; `progress` gives the available part. */

@@ -117,6 +117,8 @@ export interface StartRequest {
   readonly title: string;
   /** begin with the bytes of the last seconds, as far as they are in memory */
   readonly before_s: number;
+  /** request the Configuration of an MTi, which pauses it for about 90 ms; null: as */
+  readonly with_head: boolean | null;
 }
 
 export interface SaveMemoryRequest {

@@ -124,6 +124,8 @@ export const TEXT = {
   memoryHint:
     "All bytes received from and sent to the devices are saved, with events and settings, as in any recording.",
   partOfLive: "From memory",
+  readHeader: (devices: Value) =>
+    `Read the configuration of ${devices} into the recording, for an .mtb export: pauses the measurement for about 90 ms`,
   recordAllDevices: "Record all devices (Shift R)",
   behindBy: (value: Value, unit: Value) => `${value} ${unit} behind`,
   diskFullIn: (time: Value) => `disk full in ${time}`,

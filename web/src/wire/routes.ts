@@ -1710,7 +1710,7 @@ export interface Routes {
   "GET /api/recorder": { readonly answer: RecorderState; };
   /** Record these devices, or all of them, into a new file. */
   "POST /api/recordings/start": {
-    readonly body: Defaulted<StartRequest, "devices" | "title" | "before_s">;
+    readonly body: Defaulted<StartRequest, "devices" | "title" | "before_s" | "with_head">;
     readonly answer: RecorderState;
   };
   /** The bytes of each live link that are in memory, and so can be saved. */
@@ -1720,6 +1720,8 @@ export interface Routes {
     readonly body: Defaulted<SaveMemoryRequest, "devices" | "seconds" | "t0" | "t1" | "title">;
     readonly answer: SavedMemory;
   };
+  /** Read the configuration of each MTi that the running recording lacks (`headless`), for an .mtb export. It pauses the device for about 90 ms. */
+  "POST /api/recordings/read-headers": { readonly answer: RecorderState; };
   /** Stop recording; the file is complete when this answers. */
   "POST /api/recordings/stop": { readonly answer: RecorderState; };
   /** Add a marker or a note to the running recording. */

@@ -370,6 +370,8 @@ export interface RecorderState {
   /** why it stopped unexpectedly; "" otherwise */
   readonly message: string;
   readonly hint: string;
+  /** names of MTi whose configuration is not in it, for an .mtb */
+  readonly headless: readonly string[];
   readonly op: "recorder";
 }
 
