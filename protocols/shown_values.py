@@ -38,6 +38,14 @@ def meant(field: Field, record: Mapping[str, Any]) -> Field:
     )
 
 
+def signed_number(field: Field, number: Any, record: Mapping[str, Any]) -> Any:
+    """A wire value of a field with its meaning in a record: an unsigned word may be a two's complement."""
+    if not _is_signed(field, record) or not isinstance(number, int):
+        return number
+    span = _span(field)
+    return number - span if span // 2 <= number < span else number
+
+
 def is_scaled(field: Field) -> bool:
     """Whether the shown number is another than the one on the wire."""
     return field.scale != 1 or field.bias != 0
@@ -60,8 +68,7 @@ def to_wire(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str, Any
 def shown_number(field: Field, number: Any, record: Mapping[str, Any] | None = None) -> Any:
     """One number as shown; with its record, by the meaning that it has there."""
     row = field if record is None else meant(field, record)
-    if record is not None and _is_signed(field, record) and isinstance(number, int) and number >= _span(field) // 2:
-        number -= _span(field)
+    number = number if record is None else signed_number(field, number, record)
     if not is_scaled(row):
         return number
     return float(f"{number * row.scale + row.bias:.12g}")

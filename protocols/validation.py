@@ -22,9 +22,10 @@ import numpy as np
 
 from imuscope.protocols.layouts import EncodeError, is_open
 from imuscope.protocols.schema import Field
-from imuscope.protocols.shown_values import is_scaled, shown_number
+from imuscope.protocols.shown_values import is_scaled, meant, shown_number, signed_number
 
 MAX_LISTED = 40  # choices in an error; a longer list hides the error
+MAX_ANGLE = 1e6  # of an angle that is worth reading in degrees, rad
 _FIXED = {"fp1220": 2.0**11, "fp1632": 2.0**15}
 
 
@@ -62,7 +63,9 @@ def find_problems(
             yield ValueProblem(_join(at, name), f"no field is called {name!r}; {there}")
     for field in fields:
         path = _join(at, field.name)
-        if field.name in values:
+        if field.name in values and field.meaning_of:  # its range and unit are those of the other field
+            yield from _of(meant(field, values), signed_number(field, values[field.name], values), path)
+        elif field.name in values:
             yield from _of(field, values[field.name], path)
         elif not partial and not field.read_only:
             yield ValueProblem(path, f"{field.name} is missing")
@@ -135,7 +138,8 @@ def _of_number(field: Field, value: Any) -> str:
         return f"{field.name} is {what}, given {_value_text(field, value)}"
     if not low <= value <= high:  # not a number fails too
         limits = " and ".join(_shown(shown_number(field, limit)) for limit in (low, high))
-        return f"{field.name} lies between {limits}{_unit(field)}, given {_value_text(field, value)}"
+        limits += _unit(field) + _degrees(field, low, high)
+        return f"{field.name} lies between {limits}, given {_value_text(field, value)}"
     if field.choices and value not in field.choices:
         if len(field.choices) > MAX_LISTED:
             return f"{field.name} is one of {len(field.choices)} known values, given {value!r:.80}"
@@ -170,7 +174,15 @@ def _unit(field: Field) -> str:
 
 
 def _value_text(field: Field, value: float) -> str:
-    return f"{shown_number(field, value):.9g}{_unit(field)}" if is_scaled(field) else f"{value!r:.80}"
+    number = f"{shown_number(field, value):.9g}" if is_scaled(field) else f"{value!r:.80}"
+    return f"{number}{_unit(field)}{_degrees(field, value)}"
+
+
+def _degrees(field: Field, *numbers: float) -> str:
+    """Radians in degrees as well, in which they are shown; "" for other units."""
+    if not field.unit.startswith("rad") or is_scaled(field) or not all(abs(one) < MAX_ANGLE for one in numbers):
+        return ""
+    return f" ({' and '.join(f'{math.degrees(one):.6g}' for one in numbers)} °{field.unit[3:]})"
 
 
 def _listed(field: Field) -> str:

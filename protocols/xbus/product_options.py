@@ -1,7 +1,7 @@
 """Options of each product: flags, functions, lines and profiles, and their combinations.
 
 Tables 8, 11, 12 and 30 mark each option flag, sync function, sync line and filter profile with its products. `fitted`
-narrows a field to one product; `problems_beyond` finds problems across fields: a sync delay that its function does not
+narrows a field to one product; `problems_beyond` finds problems across fields: a sync line that its function does not
 allow, a duplicate output, a quaternion that is not a rotation.
 
 Source: MT0101P 2020.A, 5.3.3 to 5.3.7.
@@ -247,7 +247,7 @@ def _of_outputs(
 
 
 def _of_sync(entry: Mapping[str, Any], path: str, model: Model | None) -> Iterator[ValueProblem]:
-    function, line, delay = entry["function"], entry["line"], entry["delay_offset_or_clock_period"]
+    function, line = entry["function"], entry["line"]
     if not entry["polarity"]:
         return  # disabled
     if line == SOFTWARE and function != SEND_LATEST:
@@ -261,14 +261,6 @@ def _of_sync(entry: Mapping[str, Any], path: str, model: Model | None) -> Iterat
         yield ValueProblem(
             f"{path}.line", f"{SYNC_FUNCTIONS[function]} goes with {way}, given line {line} ({SYNC_LINES[line]})"
         )
-    name = "delay_offset_or_clock_period"
-    if function in SYNC_OUT and 30_000 < delay < 65_536 - 30_000:
-        offset_ms = (delay - 65_536 if delay >= 32_768 else delay) / 10
-        yield ValueProblem(
-            f"{path}.{name}", f"{name} of a sync out is an offset of -3000 to 3000 ms, given {offset_ms} ms"
-        )
-    elif function not in (*SYNC_OUT, CLOCK_BIAS) and delay > 60_000:
-        yield ValueProblem(f"{path}.{name}", f"{name} of a sync in is a delay of 0 to 6000 ms, given {delay / 10} ms")
 
 
 def _of_ports(words: Sequence[int], reported: Sequence[int]) -> Iterator[ValueProblem]:

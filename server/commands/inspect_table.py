@@ -19,6 +19,7 @@ from imuscope.protocols.composer import ProtocolComposer
 from imuscope.protocols.family import ProtocolInfo
 from imuscope.protocols.labels import device_label
 from imuscope.protocols.schema import Field
+from imuscope.protocols.shown_values import meant, signed_number
 from imuscope.server.commands.compose import composers
 from imuscope.server.configuration.value_format import entry_title
 from imuscope.server.devices.decode_options import DecodeOptions
@@ -64,7 +65,7 @@ class InspectTable:
             return head + f"{'—':<{WIDTH}}  {line['reject']}" + (f": {why}" if why else "")
         flags = line.get("flags", {})
         known = self._fields(line["protocol"], line["message"])
-        words = [f"{name} {_shown(v, known.get(name, _NOTHING), flags, name)}" for name, v in line["fields"].items()]
+        words = _words(line["fields"], known, flags, "")
         wire = line.get("wire", {})
         words += _repeated(wire, known.values())
         words += [f"({name} {_shown(wire[name], _NOTHING, {}, '')})" for name in ("bid", "trailing") if name in wire]
@@ -96,14 +97,24 @@ def _rows(composer: ProtocolComposer, message: str) -> tuple[Field, ...]:
     return (composer.listed or {}).get(message) or composer.messages.get(message) or composer.opaque_fields
 
 
+def _words(record: Line, rows: Mapping[str, Field], flags: Mapping[str, list[str]], path: str) -> list[str]:
+    """The values of a record, each with the meaning that it has beside the others."""
+    words = []
+    for name, value in record.items():
+        field = rows.get(name, _NOTHING)
+        if field.meaning_of:
+            field, value = meant(field, record), signed_number(field, value, record)
+        words.append(f"{name} {_shown(value, field, flags, f'{path}{name}')}")
+    return words
+
+
 def _shown(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) -> str:
     """A value with its unit, enumerated ones and flag words by name."""
     if isinstance(value, Mapping) and value.keys() <= {"f32", "f64"}:
         value = _float(value)
     if isinstance(value, Mapping):
         parts = {part.name: part for part in field.fields}
-        inside = (f"{n} {_shown(v, parts.get(n, _NOTHING), flags, f'{path}.{n}')}" for n, v in value.items())
-        return "{" + ", ".join(inside) + "}"
+        return "{" + ", ".join(_words(value, parts, flags, f"{path}.")) + "}"
     if isinstance(value, (list, tuple)):
         units = field.unit.split(",") if "," in field.unit else [""] * len(value)
         each = [_one(v, field, flags, f"{path}[{i}]") for i, v in enumerate(value)]

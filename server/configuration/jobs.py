@@ -40,7 +40,7 @@ from imuscope.server.configuration.sensor_check import check_sensor
 from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
-from imuscope.server.configuration.value_format import field_at, title_at, value_at, words
+from imuscope.server.configuration.value_format import field_at, record_at, title_at, value_at, words
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire_codec import to_json_safe
 
@@ -472,7 +472,7 @@ def changed_words(row: Setting, paths: Sequence[str], old: Values, new: Values) 
     texts = []
     for path in paths:
         at = field_at(row.fields, path)
-        sides = [value_at(values, path) for values in (old, new)]
-        left, right = ("—" if v is None else words(at, v) if at is not None else str(v) for v in sides)
+        sides = [(value_at(values, path), record_at(values, path)) for values in (old, new)]
+        left, right = ("—" if v is None else words(at, v, of) if at is not None else str(v) for v, of in sides)
         texts.append(f"{title_at(row.fields, path)} {left} → {right}")
     return texts

@@ -25,6 +25,7 @@ from typing import Any
 
 from imuscope.protocols.layouts import EncodeError
 from imuscope.protocols.schema import Field, Setting
+from imuscope.protocols.shown_values import meant
 from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
 from imuscope.server.configuration.api_models import Difference, DifferenceRow, FieldProblem
 from imuscope.server.configuration.form_builder import flat
@@ -37,6 +38,7 @@ from imuscope.server.configuration.value_format import (
     head_of,
     hex_key,
     key_of,
+    record_at,
     shown,
     titled,
     value_at,
@@ -263,7 +265,8 @@ def _field_rows(driver: DeviceDriver, row: Setting, left: Values, right: Values)
             continue
         here, there = leaves.get(path), others.get(path)
         one = (here or there or (Field(path), None))[0]
-        rows.append(_row(row, path, one, here[1] if here else None, there[1] if there else None))
+        records = record_at(left, path), record_at(right, path)
+        rows.append(_row(row, path, one, here[1] if here else None, there[1] if there else None, records))
     return rows, len(set(leaves) & set(others)) - sum(1 for one in rows if one.path in leaves and one.path in others)
 
 
@@ -277,7 +280,9 @@ def _entry_row(row: Setting, path: str, left: Any, right: Any) -> DifferenceRow:
     """A record of a list that only one side has, as one difference."""
     at = field_at(row.fields, path) or Field(path)
     here, there = (
-        ", ".join(f"{titled(one.title or one.name)} {words(one, value)}" for _, one, value in flat(at.fields, entry))
+        ", ".join(
+            f"{titled(one.title or one.name)} {words(one, value, entry)}" for _, one, value in flat(at.fields, entry)
+        )
         for entry in (left, right)
     )
     title = f"{row.title or row.name} {int(path.rpartition('.')[2]) + 1}"
@@ -286,7 +291,14 @@ def _entry_row(row: Setting, path: str, left: Any, right: Any) -> DifferenceRow:
     )
 
 
-def _row(row: Setting, path: str, at: Field, left: Any, right: Any) -> DifferenceRow:
+def _row(
+    row: Setting,
+    path: str,
+    at: Field,
+    left: Any,
+    right: Any,
+    records: tuple[Values | None, Values | None] = (None, None),
+) -> DifferenceRow:
     title = titled(at.title or at.name)
     places = [part for part in path.split(".")[:-1] if part.isdecimal()]
     where = f" {int(places[-1]) + 1}" if places else ""
@@ -294,9 +306,9 @@ def _row(row: Setting, path: str, at: Field, left: Any, right: Any) -> Differenc
         setting=row.name,
         path=path,
         title=f"{row.title or row.name}{where}, {title}" if len(row.fields) > 1 or places else row.title or title,
-        unit=shown(at).unit,
-        left=words(at, left),
-        right=words(at, right),
+        unit=shown(meant(at, records[1] or records[0] or {})).unit,
+        left=words(at, left, records[0]),
+        right=words(at, right, records[1]),
         left_value=left,
         right_value=right,
         writable=bool(row.write) and not at.read_only,

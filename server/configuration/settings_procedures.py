@@ -28,7 +28,7 @@ from imuscope.protocols.transactions import (
     Values,
     WriteResult,
 )
-from imuscope.server.configuration.value_format import field_at, title_at, value_at, words
+from imuscope.server.configuration.value_format import field_at, record_at, title_at, value_at, words
 from imuscope.server.wire import FieldOutcome
 
 SILENT_LIMIT = 3
@@ -205,5 +205,6 @@ def _outcome(row: Setting, path: str, requested: Values, actual: Values) -> Fiel
     sides = []
     for values in (requested, actual):
         value = value_at(values, path)
-        sides.append("" if value is None else words(at, value) if at is not None else str(value))
+        record = record_at(values, path)
+        sides.append("" if value is None else words(at, value, record) if at is not None else str(value))
     return FieldOutcome(row.name, path, title_at(row.fields, path), sides[0], sides[1])

@@ -18,6 +18,7 @@ import numpy as np
 from imuscope.protocols.labels import constant_label, device_label
 from imuscope.protocols.registry import entry_words
 from imuscope.protocols.schema import Field
+from imuscope.protocols.shown_values import meant, signed_number
 
 LONGEST = 120
 IN_DEGREES = {"rad": "°", "rad/s": "°/s", "rad/s/°C": "°/s/°C"}
@@ -35,10 +36,16 @@ def shown(field: Field) -> Field:
     return replace(field, unit=unit, scale=180 / math.pi)
 
 
-def words(field: Field, value: Any) -> str:
-    """A value as text, in the shown unit; "" for None."""
+def words(field: Field, value: Any, record: Mapping[str, Any] | None = None) -> str:
+    """A value as text, in the shown unit; "" for None.
+
+    Args:
+        record: that it is in, if its meaning could depend on another value there.
+    """
     if value is None:
         return ""
+    if record is not None:
+        field, value = meant(field, record), signed_number(field, value, record)
     field = shown(field)
     if isinstance(value, list | tuple):
         units = field.unit.split(",")
@@ -150,6 +157,12 @@ def value_at(values: Any, path: str) -> Any:
     return values
 
 
+def record_at(values: Any, path: str) -> Mapping[str, Any] | None:
+    """The record that holds the value at a path; None if that is no record."""
+    at = value_at(values, path.rpartition(".")[0])
+    return at if isinstance(at, Mapping) else None
+
+
 def spaced(name: str) -> str:
     """Displayed form of a table's name: "OutputConfiguration" becomes "Output configuration"."""
     text = re.sub(r"([a-z])([A-Z])", lambda match: f"{match[1]} {match[2].lower()}", name.replace("_", " "))
@@ -209,7 +222,7 @@ def entry_comment(fields: Sequence[Field], entry: Mapping[str, Any]) -> str:
     if key is not None and all(field.name in entry for field in fields):
         number = int(entry[key.name])
         return ", ".join(filter(None, (entry_title(key, number), entry_value(entry)))) if number else "nothing"
-    parts = [(words(field, entry.get(field.name)), entry.get(field.name)) for field in fields]
+    parts = [(words(field, entry.get(field.name), entry), entry.get(field.name)) for field in fields]
     if all(text == str(value) or not text for text, value in parts):
         return ""
     return ", ".join(text for text, _ in parts if text)

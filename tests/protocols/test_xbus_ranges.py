@@ -126,7 +126,7 @@ TOGETHER = [
     ("SetOutputConfiguration", asked(0x2010, 2), "outputs.1.data_identifier", "twice"),
     ("SetOutputConfiguration", asked(0x1020, 33), "outputs", "at most 32 entries, given 33"),
     ("SetSyncSettings", entry(function=4, line=7, offset_100us=30_001), DELAY, "3000.1 ms"),
-    ("SetSyncSettings", entry(function=3, line=2, delay_100us=60_001), DELAY, "0 to 6000 ms"),
+    ("SetSyncSettings", entry(function=3, line=2, delay_100us=60_001), DELAY, "0 and 6000 ms"),
     ("SetSyncSettings", entry(function=3, line=6), "settings.0.line", "SendLatest"),
     ("SetSyncSettings", entry(function=3, line=4), "settings.0.line", "one of 2"),
     ("SetSyncSettings", entry(function=3, line=7), "settings.0.line", "TriggerIndication goes with an input"),
