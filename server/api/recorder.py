@@ -74,7 +74,10 @@ async def read_headers(services: TheServices) -> wire.RecorderState:
     """Read the configuration of each MTi that the running recording lacks (`headless`), for an .mtb export. It pauses
     the device for about 90 ms.
     """
-    return services.recorder.read_headers()
+    if (recording := services.recorder.current) is None:
+        raise DomainError("not-now", "No recording is running.", "Start a recording first.")
+    recording.request_headers()
+    return services.recorder.state
 
 
 @router.post("/api/recordings/stop", responses=responses(409, 422))

@@ -47,7 +47,7 @@ CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sour
   sync_s                          longest time until a recording is on the disk itself, s (default 1; 0: left to the
                                   system): what a power cut loses
   record_head                     request the header of the vendor log format when a recording begins (default false),
-                                  which pauses an MTi for about 90 ms
+                                  which pauses the device for about 90 ms
   upload_gb                       maximum size of an uploaded recording (default 16)
   [map] tiles, attribution        tile server for the map under the track
 """

@@ -450,9 +450,9 @@ class DeviceController:
         self._restarted = title, self._sampled_at, self.bus.now()
 
     def _report_restart(self) -> None:
-        title, last, asked = self._restarted
+        title, last, since = self._restarted
         now = self.bus.now()
-        if title and now - max(self._sampled_at, asked) > RESTART_S and not self.driver.ends_rest:
+        if title and now - max(self._sampled_at, since) > RESTART_S and not self.driver.ends_rest:
             self._restarted = "", 0.0, 0.0
             text = f"No samples for {now - last:.1f} s: imuscope had restarted the device (“{title}”)."
             self.bus.event(self.device, "device", "info", text, span=(last, now))

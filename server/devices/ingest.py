@@ -379,15 +379,12 @@ class Ingest:
             self._rejects_before += len(damaged)
 
     def _report_pauses(self, offsets: NDArray[np.int64], hosts: NDArray[np.float64]) -> None:
-        """Report what was not measured because of a request, where no counter has shown it."""
-        reasons: dict[int, tuple[int, str]] = {}
-        for offset, reason in self._interruptions:
-            if self._last_offset < offset < offsets[-1] and offset not in self._explained:
-                at = int(np.searchsorted(offsets, offset))
-                reasons[at] = max(reason, reasons.get(at, reason))
-        for at, (_, words) in reasons.items():
+        """Report pauses on request that no counter has shown."""
+        known = [one for one in self._interruptions if one[0] < offsets[-1] and one[0] not in self._explained]
+        for at in dict.fromkeys(int(np.searchsorted(offsets, offset)) for offset, _ in known):
             before = float(hosts[at - 1]) if at else self._last_time
             if before is not None and hosts[at] > before:
+                words = max(reason for offset, reason in known if np.searchsorted(offsets, offset) == at)[1]
                 self._stats.gaps += 1
                 self._events.pause(before, float(hosts[at]), words)
         self._explained.clear()

@@ -262,17 +262,6 @@ class Recorder:
         now.mark(mark)
         return self.state
 
-    def read_headers(self) -> wire.RecorderState:
-        """Read the headers that the running recording lacks, which pauses their devices.
-
-        Raises:
-            DomainError: no recording is running.
-        """
-        if self._now is None:
-            raise DomainError("not-now", "No recording is running.", "Start a recording first.")
-        self._now.request_headers()
-        return self.state
-
     def now(self) -> float:
         """Unix time without steps, s."""
         return self._bus.now()

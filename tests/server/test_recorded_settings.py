@@ -83,7 +83,8 @@ def test_a_foreign_snapshot_shows_nothing(body: dict[str, Any]) -> None:
 
 
 async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: Path) -> None:
-    async with recorder(tmp_path, times=SILENT, patience=1.0) as (made, one):
+    plan = RecordingOptions(tmp_path / "recordings", request_header=True)
+    async with recorder(tmp_path, plan, times=SILENT, patience=1.0) as (made, one):
         desk = await made.add("sim:xbus?rate=20")
 
         async def refuse(data: bytes) -> None:

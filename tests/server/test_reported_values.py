@@ -25,7 +25,7 @@ from imuscope.server.configuration.preview import DevicePresentState, preview_se
 from imuscope.server.errors import DomainError
 from tests.each_row import each_row
 from tests.server.control_harness import BRIEFEST, house_of, over
-from tests.server.test_sent_as_announced import DEVICES, LoggingDevice, _first, other_values
+from tests.server.logging_device import DEVICES, LoggingDevice, first_value, other_values
 from tests.transaction_player import PlayedWire
 
 SOURCES = [source for source in DEVICES if "idtp" not in source]
@@ -34,7 +34,7 @@ SOURCES = [source for source in DEVICES if "idtp" not in source]
 def outside(field: Field, value: Any) -> Iterator[Any]:
     """The value with one number in it that the table does not allow."""
     if field.fields and isinstance(value, list):
-        value = value or [_first(dataclasses.replace(field, shape=()))] * 2
+        value = value or [first_value(dataclasses.replace(field, shape=()))] * 2
         for part in field.fields if value else ():
             for new in outside(part, value[-1].get(part.name)) if not part.read_only else ():
                 yield [*value[:-1], {**value[-1], part.name: new}]
