@@ -154,7 +154,7 @@ class Config:
         split_mb, split_min: size (10⁶ bytes) or duration at which a recording continues in a new file; 0 for never.
         sync_s: time between two fdatasyncs of a recording, whose end a power cut loses; 0 to leave them to the system.
         record_head: request the Configuration of an Xsens device when a recording begins, which pauses it for about
-            90 ms; otherwise the recording has what was read last, or what the device sent when it started.
+            90 ms; otherwise the recording has the one received last, which a starting device sends by itself.
         upload_gb: maximum size of an uploaded recording, 10⁹ bytes.
         log_format, log_level: format and lowest level of the log on standard error (server/logging_setup.py).
         map: tile server for a map under the track (server/integrations/map_tiles.py).
