@@ -161,8 +161,8 @@ FAMILY = ProtocolInfo(
     ),
     device=DeviceTraits(
         host_drivers={
-            "inertial_sense_": "`port` in its parameter file (YAML)",
-            "cltool": "`-c` of cltool",
+            "inertial_sense_": "`port` in its parameter file (YAML); of SDK 2.7 the address of a tcp:// share",
+            "cltool": "`-c` of cltool; from 2.7 on the address of a tcp:// share",
         },
         identity=identity,
         identify_request=get_data(1, period=0),

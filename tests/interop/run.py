@@ -6,6 +6,7 @@
     python -m tests.interop.run cltool            Inertial Sense SDK's CLTool 2.7.1, compiled with REMOTE_SOCAT_PORTS,
                                                   which must be on PATH; as root, for a port in /dev/remote
     python -m tests.interop.run xsens-go          the `xsens` command of einride/xsens-go, which must be on PATH
+    python -m tests.interop.run cltool-tcp-shared         CLTool 2.7.1 as it is, at a share of TCP: it takes no path
     python -m tests.interop.run mtdevice-shared, xda-shared, cltool-shared, xsens-go-shared
                                                   the same programs on a port that a server holds and shares (--share),
                                                   records and configures meanwhile
@@ -46,6 +47,7 @@ PROGRAMS: Mapping[str, Callable[[Path, Path], str]] = {
     "mtdevice-shared": shared_port.mtdevice_shared,
     "xda-shared": shared_port.xda_shared,
     "cltool-shared": shared_port.cltool_shared,
+    "cltool-tcp-shared": shared_port.cltool_tcp_shared,
     "xsens-go-shared": shared_port.xsens_go_shared,
     "mtdevice-undisturbed": undisturbed.mtdevice_undisturbed,
     "xda-undisturbed": undisturbed.xda_undisturbed,

@@ -20,6 +20,7 @@ from typing import Any
 
 from imuscope.protocols.isb.client_frames import frame_size
 from imuscope.recordings.importers import open_file
+from tests.free_ports import free_port
 from tests.interop.hosts import MTDEVICE, remote_folder
 from tests.interop.running import HERE, DiffersError, expect, owned, run, simulated
 from tests.server.recorder_harness import chunks
@@ -87,8 +88,8 @@ def wait_for(is_true: Callable[[], bool], what: str) -> None:
 
 
 @contextmanager
-def shared(device: str, baud: int, scratch: Path, path: Path) -> Iterator[SharedPort]:
-    """A simulated device, opened by a server that records it and shares its port at `path`."""
+def shared(device: str, baud: int, scratch: Path, path: Path | str) -> Iterator[SharedPort]:
+    """A simulated device, opened by a server that records it and shares its port at a path or an address."""
     runtime = scratch / "run"
     runtime.mkdir(mode=0o700)
     os.environ["XDG_RUNTIME_DIR"] = str(runtime)  # of the holder's socket
@@ -97,7 +98,7 @@ def shared(device: str, baud: int, scratch: Path, path: Path) -> Iterator[Shared
         simulated(f"{device}&baud={baud}", scratch / "device") as port,
         ServerProcess(f"{port}?baud={baud}", data=scratch / "data", arguments=arguments, fresh=True) as server,
     ):
-        here = SharedPort(server, path)
+        here = SharedPort(server, Path(path))
         # The server asks a new device who it is. A program that scans the port meanwhile gives up: its bytes wait.
         wait_for(lambda: bool(here.device()["serial_number"]) and here.device()["status"] == "live", "a known device")
         yield here
@@ -206,9 +207,19 @@ def packets(data: bytes) -> list[bytes]:
 def cltool_shared(_: Path, scratch: Path) -> str:
     """A raw log of an IMX-5 by CLTool holds what a server beside it recorded."""
     program = owned("cltool", "CLTool of inertialsense/inertial-sense-sdk 2.7.1, with -DREMOTE_SOCAT_PORTS")
-    path = remote_folder() / "imuscope"
-    with shared("isb?product=IMX-5", 921_600, scratch, path) as here:
-        words = ["-c", str(path), "-baud=921600", "-did", "DID_INS_1", "DID_PIMU", "-lon", "-lt=raw", "-dur=10"]
+    return _cltool_log(program, remote_folder() / "imuscope", scratch)
+
+
+def cltool_tcp_shared(_: Path, scratch: Path) -> str:
+    """The same by an unchanged CLTool, which takes no path but an address."""
+    program = owned("cltool", "CLTool of inertialsense/inertial-sense-sdk 2.7.1")
+    return _cltool_log(program, f"tcp://127.0.0.1:{free_port()}", scratch)
+
+
+def _cltool_log(program: str, place: Path | str, scratch: Path) -> str:
+    with shared("isb?product=IMX-5", 921_600, scratch, place) as here:
+        time.sleep(2)  # until the server, which has asked the device who it is, has left it the voice: CLTool gives up
+        words = ["-c", str(place), "-baud=921600", "-did", "DID_INS_1", "DID_PIMU", "-lon", "-lt=raw", "-dur=10"]
         run([program, *words, "-lp", str(scratch / "log")], scratch)
         here.job("read", {})
         logs = sorted((scratch / "log").rglob("*.raw"))

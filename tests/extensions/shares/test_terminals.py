@@ -16,7 +16,7 @@ import pytest
 from imuscope.server.extensions.shares.holder.share_kinds import PtyShare
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from tests.each_row import each_row
-from tests.extensions.shares.shared_port import opened
+from tests.extensions.shares.shared_port import DevicePort, opened
 
 NOBODY = 65534
 
@@ -92,3 +92,14 @@ def test_a_terminal_that_cannot_be_replaced_stays(monkeypatch: pytest.MonkeyPatc
         used_once(share, exclusively=True)
         assert os.readlink(share.address.path) == terminal
         assert share.update() == (None, None)
+
+
+def test_a_terminal_has_no_modem_lines_and_no_uart(port: DevicePort) -> None:
+    """As the guide says: a driver that needs them takes a share of TCP."""
+    terminal = opened(Path(port.path))
+    for request in (termios.TIOCMGET, termios.TIOCMBIS, termios.TIOCGSERIAL, termios.TIOCSSERIAL):
+        with pytest.raises(OSError, match="Inappropriate ioctl"):
+            fcntl.ioctl(terminal, request, bytes(80))
+    fcntl.ioctl(terminal, termios.TIOCEXCL)
+    termios.tcsendbreak(terminal, 0)
+    os.close(terminal)
