@@ -446,7 +446,7 @@ class DeviceController:
                 self.notify()
 
     def restarts(self, title: str) -> None:
-        """Note that a job restarts the device: its first sample afterwards tells for how long it sent none."""
+        """Note that a job restarts the device: the pause is reported at its first sample afterwards."""
         self._restarted = title, self._sampled_at, self.bus.now()
 
     def _report_restart(self) -> None:
