@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from pathlib import Path
 from typing import Annotated, TypeVar
 from urllib.parse import quote
@@ -24,7 +24,6 @@ from imuscope.server.api.errors import bytes_of, check_length, recording_errors,
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import EditRequest, MarkerRequest, RecordingInfo
-from imuscope.server.streaming_response import with_first_chunk
 
 router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 
@@ -231,13 +230,33 @@ async def _file(name: str, kind: str, written: AsyncIterator[bytes]) -> Streamin
         "x-content-type-options": "nosniff",
     }
     try:
-        pieces = await with_first_chunk(written)
+        pieces = await _with_first_chunk(written)
     except RecordingError as error:
         raise DomainError("cannot-open", error.message, error.hint) from None
     except OSError as error:
         words = f"The recording cannot be read: {(error.strerror or 'the disk failed').lower()}."
         raise DomainError("cannot-open", words, "Check that its file still exists.") from None
     return StreamingResponse(pieces, media_type=kind, headers=headers)
+
+
+async def _with_first_chunk(pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+    """The same pieces, after the first has been produced, so that an early failure can become an error response.
+
+    Raises:
+        every exception that occurs before the first piece.
+    """
+    first = await anext(pieces, b"")
+
+    async def chunks() -> AsyncIterator[bytes]:
+        try:
+            yield first
+            async for piece in pieces:
+                yield piece
+        finally:
+            if isinstance(pieces, AsyncGenerator):
+                await pieces.aclose()
+
+    return chunks()
 
 
 async def _in_thread(recording: str, work: Callable[[], Changed]) -> Changed:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Coroutine, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Coroutine, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,7 +105,7 @@ class ForeignFiles:
             raise RecordingError(f"{call.name} holds too much to be shown.", "Divide it into several files.")
         return body
 
-    async def pieces(self, function: str, *arguments: object, user: str = "") -> AsyncIterator[bytes]:
+    async def pieces(self, function: str, *arguments: object, user: str = "") -> AsyncGenerator[bytes]:
         """Output of a function to a file, its last argument. Raises as `call`, after the pieces before it."""
         call = _call(function, arguments, writes=True)
         async with self._turn(call, user):

@@ -5,10 +5,12 @@ from __future__ import annotations
 import ast
 import asyncio
 import functools
+import os
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 
@@ -18,8 +20,10 @@ from imuscope.recordings.readers.registry import reader_suffixes
 from imuscope.server.extension import extensions
 from imuscope.server.library import foreign_files
 from imuscope.server.library.foreign_files import ForeignFiles
+from tests.processes import is_running
 from tests.source_files import ROOT
 from tests.timeouts import PATIENCE_S
+from tests.waiting import until
 
 READERS = (
     *("importers", "probe", "table_preview", "tabular", "mcap_reader", "mcap_source", "message_source", "download"),
@@ -183,6 +187,25 @@ async def test_what_a_preview_needs_was_imported_ahead(tmp_path: Path) -> None:
     files = ForeignFiles()
     try:
         assert await files.call(f"{HERE}:_imported", path, returns=list[str]) == []
+    finally:
+        await files.close()
+
+
+def _without_end(path: Path, out: BinaryIO) -> None:
+    out.write(os.getpid().to_bytes(4, "little"))
+    while True:
+        out.write(bytes(1 << 16))
+
+
+async def test_a_download_that_is_aborted_ends_what_writes_it(tmp_path: Path) -> None:
+    """Each kept one of the few threads of the server: after some, no request that needs one was answered."""
+    files = ForeignFiles()
+    try:
+        pieces = files.pieces(f"{HERE}:_without_end", tmp_path)
+        pid = int.from_bytes((await anext(pieces))[:4], "little")
+        assert is_running(pid)
+        await pieces.aclose()
+        await until(lambda: not is_running(pid), "its process has ended")
     finally:
         await files.close()
 
