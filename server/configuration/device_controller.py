@@ -458,7 +458,7 @@ class DeviceController:
             self.bus.event(self.device, "device", "info", text, span=(last, now))
 
     def _keep_header(self, reply: Reply) -> None:
-        """Keep what the header of a log is made of, whoever asked for it; a starting device sends it by itself."""
+        """Store a reply that belongs to the header of a log, also one that a starting device sends by itself."""
         family = PROTOCOLS.get(self.member.info.protocol)
         header = family.logs.log_header if family is not None else None
         if header is None or reply.message.id not in header.frames:

@@ -158,7 +158,7 @@ def value_at(values: Any, path: str) -> Any:
 
 
 def record_at(values: Any, path: str) -> Mapping[str, Any] | None:
-    """The record that holds the value at a path; None if that is no record."""
+    """The record that holds the value at a path; None for another value."""
     at = value_at(values, path.rpartition(".")[0])
     return at if isinstance(at, Mapping) else None
 

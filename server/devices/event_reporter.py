@@ -87,7 +87,7 @@ class EventReporter:
         suppressed.span(t0, t1)
 
     def pause(self, t0: float, t1: float, words: str) -> None:
-        """Report that the device measured nothing between two host times, because it was asked to: `words` say why."""
+        """Report that the device measured nothing between two host times at a request: `words` give the reason."""
         because = f"imuscope had stopped the device (“{self.job}”)." if self.job else words
         text = f"No samples for {_duration(t1 - t0)}: {because}"
         self.report("gap", "info", text, time=t1, span=(t0, t1), data={"by": "request"})

@@ -44,7 +44,7 @@ def main() -> None:
     READERS.all()
     for name in USED:
         import_module(name)
-    import_module("pyarrow").array([0])  # it looks for pandas, and imports what is there
+    import_module("pyarrow").array([0])  # this imports pandas, if it is installed
     memory = memory_of_one()
 
     def limit() -> None:

@@ -1,9 +1,9 @@
-"""Device information for the header of an .mtb log: what was received last, and a request if somebody wants one.
+"""Device information for the header of an .mtb log: the one received last, and a request where a user wants one.
 
     before the recording   the device sends its Configuration when it starts, and when its settings are read:
                            DeviceController.header has the last one
-    while it is recorded   the same, whoever asks
-    on request             once; the device does not measure meanwhile
+    while it is recorded   the same, from any request
+    on request             once; the device pauses for it
 
 The answers are recorded like all bytes; their frames are also passed to `on_result`, because a log in the vendor's own
 format needs them at its beginning and takes them from the recording's metadata.

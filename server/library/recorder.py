@@ -6,7 +6,7 @@
 
 Devices that appear later join a recording of all devices. The Configuration of an Xsens device, which the vendor's
 program needs at the head of a log, is the one that was received last (server/library/log_header.py). It is requested
-only if somebody wants that: the device pauses for it, through the queue of its controller
+only if a user wants that: the device pauses for it, through the queue of its controller
 (server/configuration/device_controller.py). A refusal is reported and harmless.
 
 `start(before_s=…)` begins with the bytes that are in memory already (server/devices/byte_memory.py), and `save` writes
