@@ -100,6 +100,9 @@ def shared(device: str, baud: int, scratch: Path, path: Path | str) -> Iterator[
     ):
         here = SharedPort(server, Path(path))
         # The server asks a new device who it is. A program that scans the port meanwhile gives up: its bytes wait.
+        wait_for(lambda: here.device()["status"] == "live", "a device that sends")
+        if not here.device()["serial_number"]:  # one that measures is asked nothing of its own
+            here.job("read", {})
         wait_for(lambda: bool(here.device()["serial_number"]) and here.device()["status"] == "live", "a known device")
         yield here
 

@@ -149,6 +149,11 @@ def test_a_topic_is_listed_as_soon_as_it_is_announced(router: zenoh.Session, por
         reports = len(client.listed)
         bridge.configure()
         assert len(client.listed) == reports
+        before = announced(router, "@ros2_lv/8/**")
+        client.devices = [client.devices[0] | {"name": "MTi-630", "product": "MTi-630"}]
+        bridge.configure()
+        bridge.announce("1", "imu", {"tilt": 0.1})
+        assert announced(router, "@ros2_lv/8/**") == before  # what is learnt of a device renames nothing
     finally:
         bridge.close()
 
