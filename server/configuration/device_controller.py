@@ -59,7 +59,8 @@ LOG_HEADER = "Configuration"  # the setting that is stale when the header is
 MAX_DONE = 5
 RESTART_S = 0.2  # without samples: the restart, not those on their way
 PAUSE_ENDS_S = 3.0  # after a job; its device sends by then
-REST = "It is in the {state} state, in which it sends no data."
+REST = "{who} put it into the {state} state, in which it sends no data."
+ANOTHER_PROGRAM = "Another program"
 REST_HINT = "Send {command} to resume measuring."
 UNANSWERED_HINT = "Check its power, its cable and the baud rate, then read its settings again."
 
@@ -375,19 +376,21 @@ class DeviceController:
         """Run a transaction; see server/configuration/transaction_runner.py."""
         return await self.runner.run(transaction)
 
-    def rest(self, on: bool) -> None:
-        """Note that the user set the device to the state in which settings are read, or that this state has ended."""
+    def rest(self, on: bool, who: str = "") -> None:
+        """Note that the user set the device to the state in which settings are read, by what, or that this state has
+        ended.
+        """
         if on:
             self.put_back.forget()
         if on != self.at_rest:
             self.at_rest = on
-            self._explain_rest(on)
+            self._explain_rest(on, who)
 
-    def _explain_rest(self, on: bool) -> None:
-        """Explain the silence of the config state, whichever program has set the device to it."""
+    def _explain_rest(self, on: bool, who: str) -> None:
+        """Explain the silence of the config state, and what has set the device to it."""
         if on:
             command = self.driver.ends_rest
-            self.explain_quiet(REST.format(state=AT_REST.lower()), REST_HINT.format(command=command), command)
+            self.explain_quiet(REST.format(who=who, state=AT_REST.lower()), REST_HINT.format(command=command), command)
         else:
             self.member.explain_silence(None)
 
@@ -442,7 +445,7 @@ class DeviceController:
                 self.state = state
                 self.rest(self.at_rest and state == AT_REST)
                 if not self.at_rest and self._running is None:
-                    self._explain_rest(state == AT_REST)  # by another program
+                    self._explain_rest(state == AT_REST, ANOTHER_PROGRAM)
                 self.notify()
 
     def restarts(self, title: str) -> None:

@@ -10,6 +10,7 @@ A form must not show values from before a command, and changes must not be based
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable, Collection
 
 from imuscope.protocols.transactions import AT_REST, DeviceRejectedError, NoReplyError, RequiresState, Values
@@ -25,6 +26,7 @@ from imuscope.server.wire_codec import to_json_safe
 LISTEN_S = 1.0  # for replies to raw bytes
 AWAKE_TRIES = 5  # about a second each: wait for a restarting device before reading it
 STOPPED_HINT = "Choose its outputs under Configure and apply them, or restart it."
+BY_HAND = "Send hex"
 NOT_SINCE = "not read since “{}”"
 
 
@@ -74,18 +76,22 @@ def run(
             raise
         controller.invalidate(stale, NOT_SINCE.format(task.job.title))
         if isinstance(body, RequiresState) and body.state == "any" and not restarts:
-            controller.rest(controller.state == AT_REST)
+            controller.rest(controller.state == AT_REST, f"“{task.job.title}”")
         if restarts:
             await _follow(controller, task, timings.rounds)
-        row = next((one for one in driver.commands(known) if one.name == command), None)
-        if row is not None and row.caution == "stops-output" and not controller.at_rest:
-            controller.explain_quiet(f"“{task.job.title}” ended its output.", STOPPED_HINT)
+        _explain_end_of_output(controller, command, f"“{task.job.title}”")
         controller.note_unfinished(command, driver.unfinished(command, values))
         task.job.values = to_json_safe(answer)
         task.job.message = task.job.message or ("Answered." if answer else "Done.")
         await _read_again(reader, controller, task, stale, restarts=restarts)
 
     return work
+
+
+def _explain_end_of_output(controller: DeviceController, command: str, who: str) -> None:
+    row = next((one for one in controller.driver.commands(controller.context) if one.name == command), None)
+    if row is not None and row.caution == "stops-output" and not controller.at_rest:
+        controller.explain_quiet(f"{who} ended its output.", STOPPED_HINT)
 
 
 async def _read_again(
@@ -140,6 +146,10 @@ def raw(controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awai
         controller.log.sent(data, "", await controller.member.access.send(data))
         controller.invalidate(stale, NOT_SINCE.format(task.job.title))
         await asyncio.sleep(LISTEN_S)
+        if controller.state == AT_REST and not controller.at_rest:
+            controller.rest(True, BY_HAND)
+        with contextlib.suppress(ControlError):  # its protocol is not known
+            _explain_end_of_output(controller, controller.driver.name_of(data), BY_HAND)
         task.job.message = f"{len(data)} bytes sent unchanged."
 
     return work

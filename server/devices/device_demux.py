@@ -43,6 +43,10 @@ STOPS_WITHIN_S = 2.0  # samples on their way may come until then
 SILENT_HINT = "Check that it is powered and in range; it is shown again when it sends."
 
 
+NOT_QUIET = {"message": "", "hint": "", "resume": "", "quiet_since": None, "next_attempt": None}
+"""What is published of a device that sends."""
+
+
 @dataclass(frozen=True, slots=True)
 class QuietReason:
     """Known reason why a device sends nothing.
@@ -118,6 +122,7 @@ class LinkDevice:
             message=reason.text,
             hint=reason.hint,
             resume=reason.resume,
+            quiet_since=reason.since,
             next_attempt=None,
             last_arrival=self.stats.last_arrival,
         )
@@ -272,8 +277,7 @@ class LinkDevices:
         others = (
             "the link is still open" if all(one.is_silent(now) for one in self.all) else "others on its link continue"
         )
-        text = f"No data from {sender.state.info.name} for {sender.silence(now):.1f} s; {others}."
-        return text, SILENT_HINT
+        return f"No data from {sender.state.info.name}; {others}.", SILENT_HINT
 
     def _fell_silent(self, sender: LinkDevice, now: float) -> None:
         text, hint = self._silence_text(sender, now)
@@ -466,9 +470,7 @@ class LinkDecoder:
         sender.stats.last_arrival = now
         if sender.state.info.status != "live":
             sender.quiet_reason = None
-            sender.state.set(
-                status="live", is_open=True, message="", hint="", resume="", next_attempt=None, last_arrival=now
-            )
+            sender.state.set(status="live", is_open=True, **NOT_QUIET, last_arrival=now)
             sender.events.report("link", "info", f"{sender.state.info.name} is back.", data={"kind": "back"})
 
     def _intake(self, sender: LinkDevice) -> Ingest:

@@ -28,7 +28,7 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.decode_pipeline import DecodePipeline
 from imuscope.server.devices.decode_scheduler import DecodeScheduler
 from imuscope.server.devices.decode_watchdog import DecodeWatchdog, undecodable_text
-from imuscope.server.devices.device_demux import LinkDevices
+from imuscope.server.devices.device_demux import NOT_QUIET, LinkDevices
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.device_state import DeviceState, short_source
 from imuscope.server.devices.dropped_bytes import DroppedBytes
@@ -365,8 +365,7 @@ class Session:
         self._backoff.reset()
         hint, last = self._diagnostics.hint, self._stats.last_arrival
         self.devices.own.quiet_reason = None
-        changes = {"message": "", "hint": hint, "required_action": "", "resume": "", "next_attempt": None}
-        self._set(status="live", last_arrival=last, **changes)
+        self._set(status="live", last_arrival=last, **{**NOT_QUIET, "hint": hint, "required_action": ""})
         stream = self._pipeline.stream
         if back and self.info.serial_number and stream is not None and not stream.identity.serial_number:
             self._set(unconfirmed_since=self._sink.now())  # another one may have been plugged in
@@ -451,8 +450,7 @@ class Session:
             if quiet > GIVE_UP_S or (is_new and self._pipeline.hides_messages()):
                 self.drain(final=True)
         if self.info.status == "live" and is_due and quiet > self._silence.limit and not self._link.backlog:
-            text = f"No data from {self.info.source} for {quiet:.1f} s; the link is still open."
-            self._fell_silent(text, LINK_SILENT_HINT)
+            self._fell_silent(f"No data from {self.info.source}; the link is still open.", LINK_SILENT_HINT)
         elif self.info.status in ("live", "lost") and self._decode_watchdog.update(
             now, self.devices.stats, self._silence.suppressed
         ):

@@ -50,6 +50,7 @@ class DeviceInfo:
     resume: str = ""  # command that makes a device send again that is quiet for a known reason: "GoToMeasurement"
     topic: str = ""  # name under which others subscribe to it, in later runs too: "imu", "imu_2"; "" of a file
     former_name: str = ""  # displayed name when it was identified last, before this run; "" if it never was
+    quiet_since: float | None = None  # unix s at which it became quiet for a known reason, which `message` gives
     unconfirmed_since: float | None = None  # unix seconds at which its link came back: another sensor may be there
 
     @property

@@ -9,6 +9,7 @@ import pytest
 
 from imuscope.protocols.transactions import DeviceContext, DeviceRejectedError
 from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.devices.device_demux import QuietReason
@@ -52,7 +53,8 @@ async def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path
         await until(lambda: desk.member.info.status != "live", "it is silent")
         info = desk.member.info
         assert (info.status, info.resume) == ("idle", "GoToMeasurement")
-        assert info.message == "It is in the config state, in which it sends no data."
+        assert info.message == "“GoToConfig” put it into the config state, in which it sends no data."
+        assert info.quiet_since is not None
         assert info.hint == "Send GoToMeasurement to resume measuring."
         await told(here, desk, "GoToMeasurement")
         await until(lambda: desk.member.info.status == "live", "it measures")
@@ -60,6 +62,41 @@ async def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path
         there.unplug()
         await until(lambda: desk.member.info.status == "lost", "it is unplugged")
         assert "GoToMeasurement" not in desk.member.info.hint
+
+
+@each_row(
+    ("by_hand", "message"),
+    [
+        (True, "Send hex put it into the config state, in which it sends no data."),
+        (False, "Another program put it into the config state, in which it sends no data."),
+    ],
+)
+async def test_a_device_that_was_put_into_config_by_bytes_is_not_lost(
+    tmp_path: Path, by_hand: bool, message: str
+) -> None:
+    """It was called lost, with its power to be checked, and not confirmed after it measured again."""
+    async with bench() as there, house_of(f"{there.slave}?baud=115200", tmp_path) as (here, desk):
+        await told(here, desk, "ReqDID")
+        if by_hand:
+            await over(desk.add("Send 5 bytes", here.desks.jobs.raw(desk, build(0x30))))
+        else:
+            await desk.member.access.send(build(0x30))
+        await until(lambda: desk.member.info.status != "live", "it is silent")
+        info = desk.member.info
+        assert (info.status, info.resume, info.message) == ("idle", "GoToMeasurement", message)
+        assert info.quiet_since is not None
+        await told(here, desk, "GoToMeasurement")
+        await until(lambda: desk.member.info.status == "live", "it measures")
+        now = desk.member.info
+        assert (now.message, now.resume, now.quiet_since, now.unconfirmed_since) == ("", "", None, None)
+
+
+async def test_output_that_bytes_by_hand_ended_is_not_lost(tmp_path: Path) -> None:
+    async with house_of("sim:isb?rate=50", tmp_path) as (here, desk):
+        stop = desk.driver.frame("STOP_BROADCASTS_ALL_PORTS", {}, desk.context)
+        await over(desk.add("Send bytes", here.desks.jobs.raw(desk, stop)))
+        await until(lambda: desk.member.info.status != "live", "it is silent")
+        assert (desk.member.info.status, desk.member.info.message) == ("idle", "Send hex ended its output.")
 
 
 async def test_streams_that_the_user_stopped_are_not_lost(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import { Button } from "../ui/button";
 import { api, type HttpProblem } from "../ui/http";
 import { Band } from "../ui/band";
 import { Card, Hint } from "../ui/card";
-import { age } from "../ui/format";
+import { age, clock } from "../ui/format";
 import { Message } from "../ui/message";
 import { shortSource } from "../ui/page-state";
 import { deviceInLink, fullName, writeName } from "../wire/device-name";
@@ -220,7 +220,7 @@ export function HeldBand({ app, device }: DeviceProps) {
   ];
   const words = (
     <>
-      <Message text={device.message} />
+      <Message text={device.message} /> {device.quiet_since ? COMMON.quietSince(clock(device.quiet_since)) : ""}
       {last !== null && TEXT.lastSampleAgo(old.value, old.unit)} <NextTry app={app} device={device} />{" "}
       <Message text={device.hint} />
     </>

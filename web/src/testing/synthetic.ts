@@ -61,6 +61,7 @@ export const DEVICE: DeviceInfo = {
   resume: "",
   topic: "imu",
   former_name: "",
+  quiet_since: null,
   unconfirmed_since: null,
   baud: null,
   message: "",

@@ -80,7 +80,7 @@ export const TEXT = {
     `This is ${now}. Edits of ${count(total, "setting")} for ${of} are stored until it is back.`,
   notConfirmed: "Sensor not confirmed",
   mayBeAnother: (serial: Value, time: Value) =>
-    `The link was lost until ${time}. Whether this is still ${serial} is known once its settings are read.`,
+    `Nothing came from it until ${time}. Whether this is still ${serial} is known once its settings are read.`,
   unreadSettings: (total: number) => `${count(total, "setting")} could not be read`,
   changedElsewhere: "Changed elsewhere",
   editedHereToo: "You edited this as well; the form retains your value.",

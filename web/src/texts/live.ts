@@ -40,7 +40,7 @@ export const TEXT = {
   nameHint: "Stored with its serial number on this server; nothing is written to the device.",
   notConfirmedSince: (time: Value) => `not confirmed since ${time}`,
   maybeAnother:
-    "The link was lost. Whether this is still the same sensor is known once it reports its number, or its settings are read.",
+    "It had stopped sending. Whether this is still the same sensor is known once it reports its number, or its settings are read.",
   removeLink: "Remove link",
   samplesPerSecondLastMinute: "Samples per second, last minute",
   connectTo: (device: Value) => `Connect to ${device}`,

@@ -158,6 +158,8 @@ export interface DeviceInfo {
   readonly topic: string;
   /** displayed name when it was identified last, before this run; "" if it never was */
   readonly former_name: string;
+  /** unix s at which it became quiet for a known reason, which `message` gives */
+  readonly quiet_since: number | null;
   /** unix seconds at which its link came back: another sensor may be there */
   readonly unconfirmed_since: number | null;
 }

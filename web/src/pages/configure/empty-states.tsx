@@ -96,7 +96,8 @@ export function LostBand({ app, model }: { readonly app: App; readonly model: Mo
     return (
       <Band tone="calm" dot="off" title={COMMON.idle} data-key="quiet">
         <span class="grow">
-          <Message text={device.message} /> <Message text={device.hint} />
+          <Message text={device.message} /> {device.quiet_since ? COMMON.quietSince(clock(device.quiet_since)) : ""}{" "}
+          <Message text={device.hint} />
         </span>
         {device.resume && <ResumeButton app={app} device={device} />}
       </Band>

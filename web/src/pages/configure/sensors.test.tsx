@@ -124,7 +124,7 @@ test("a question names the sensor it is about", async () => {
 
 test("a device that somebody stopped is not lost, and one button makes it measure again", async () => {
   const page = await openConfigure("xbus", { answers: { "POST /api/devices/1/run": { id: 9, state: "waiting" } } });
-  const message = "It is in the config state, in which it sends no data.";
+  const message = "Send hex put it into the config state, in which it sends no data.";
   swapped(page, { status: "idle", is_open: true, message, hint: "Send GoToMeasurement.", resume: "GoToMeasurement" });
   const band = await waitFor(() => {
     const found = document.querySelector<HTMLElement>("[data-key=quiet]");
@@ -132,7 +132,7 @@ test("a device that somebody stopped is not lost, and one button makes it measur
     return found;
   });
   expect(band.textContent).toContain(message);
-  fireEvent.click(screen.getByRole("button", { name: "Start measuring" }));
+  fireEvent.click(screen.getByRole("button", { name: "Measure again" }));
   const run = () => page.asked.filter(({ path }) => path === "/api/devices/1/run");
   await waitFor(() => expect(run()).toMatchObject([{ body: { command: "GoToMeasurement", confirmed: false } }]));
 });
