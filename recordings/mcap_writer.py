@@ -123,6 +123,11 @@ class RecordingError(ExplainedError):
         self.is_full = is_full
 
 
+def is_simulated(about: Mapping[str, str]) -> bool:
+    """Whether a simulator made what is recorded of a device. Recordings of earlier versions have only its link."""
+    return about.get("simulated", "") != "" or about.get("link") in ("simulator", "twin")
+
+
 class McapWriter:
     """A recording in progress.
 

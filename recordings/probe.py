@@ -18,7 +18,7 @@ from imuscope.recordings.file_suffixes import ALWAYS_LISTED, TABLES
 from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, WEAK_SCORE, is_table, open_file, paced
 from imuscope.recordings.mcap_reader import TIME, McapReader
 from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
+from imuscope.recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version, is_simulated
 from imuscope.recordings.messages import recorded_device
 from imuscope.recordings.readers.registry import HEAD_BYTES, marked_reader, suffix_reader
 from imuscope.recordings.recording_probe import RecordedDevice, RecordingProbe
@@ -142,6 +142,7 @@ def _device(number: str, values: Mapping[str, str]) -> RecordedDevice:
         values.get("protocol", ""),
         values.get("product", ""),
         values.get("serial_number", ""),
+        simulated=is_simulated(values),
     )
 
 

@@ -25,6 +25,7 @@ class RecordedDevice:
     messages: int | None = None  # frames; null until they are counted
     lost: int = 0
     rejects: int = 0
+    simulated: bool = False
     counts_losses: bool = False  # whether lost frames are known: none lost means that none are missing
 
 

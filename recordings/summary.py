@@ -81,6 +81,7 @@ def recorded_devices(manifest: Mapping[str, Any]) -> list[RecordedDevice]:
         devices.append(
             RecordedDevice(
                 **{name: device.get(name, "") for name in ("id", "name", "protocol", "product", "serial_number")},
+                simulated=device.get("simulated", False),
                 messages=sum(counted.get("messages", {}).values()),
                 lost=counted.get("lost", 0),
                 rejects=counted.get("rejects", 0),

@@ -104,6 +104,10 @@ def _is_token(text: str) -> bool:
 _Token = Annotated[str, Form(_is_token, "must have at least 8 printable ASCII characters without spaces")]
 
 
+SIMULATORS = ("simulators",)
+"""Sources where none are set: those of the simulated devices."""
+
+
 @dataclass(frozen=True, slots=True)
 class MapTiles:
     """A tile server.
@@ -136,7 +140,7 @@ class Config:
     Args:
         host, port: address to listen on; port 0 lets the system choose one (it is printed).
         data: folder for recordings and what the server remembers.
-        sources: opened at start; none given: simulators of all device families.
+        sources: opened at start; not set: simulators of all device families. An empty list is none.
         protocol: of those sources; "" to detect it.
         decode_options: of those sources, as written: each a setting of its own, by the name that a protocol family
             declares (protocols/decode_options.py); secrets may be @FILE, files are named.
@@ -164,7 +168,7 @@ class Config:
     host: str = DEFAULT_HOST
     port: Annotated[int, Interval(ge=0, le=65_535)] = DEFAULT_PORT
     data: Path = field(default_factory=default_data)
-    sources: tuple[str, ...] = ()
+    sources: tuple[str, ...] = SIMULATORS
     protocol: str = ""
     decode_options: Mapping[str, str | bool] = field(default_factory=dict, repr=False)
     rollback_s: Annotated[float, Interval(ge=1, le=600), Unit("s")] = 20.0

@@ -17,7 +17,7 @@ from imuscope.recordings.table_memory import TableMemory
 from imuscope.server import shutdown
 from imuscope.server.auth import Access
 from imuscope.server.capability_list import list_capabilities
-from imuscope.server.config import Config
+from imuscope.server.config import SIMULATORS, Config
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.devices.byte_memory import ByteMemory
@@ -89,8 +89,9 @@ class Services:
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """Start all services; close them concurrently at the end."""
-        reading = self.reading if self.config.sources else DecodeOptions()
-        sources = self.config.sources or (default_sources() if self.has_devices else [])
+        is_set = self.config.sources != SIMULATORS
+        reading = self.reading if is_set else DecodeOptions()
+        sources = self.config.sources if is_set else default_sources() if self.has_devices else ()
         await asyncio.to_thread(self.folder_lock.begin)
         self.catalogue.files.start()
         self.sessions.start()

@@ -106,6 +106,8 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
             step(done / total)
         segments = {device: begins for device, begins in request.columns.manifest.get("segments", {}).items() if begins}
         about = {"recording": request.title, "base": request.base}
+        simulated = {info["device"] for info in request.infos if request.is_simulated(info["device"])}
+        about |= {"simulated": ", ".join(map(request.device_name, sorted(simulated)))} if simulated else {}
         target.end({"export": about | ({"segments": json.dumps(segments)} if segments else {})})
     step(1.0)
     return [out]

@@ -36,6 +36,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
 def _table(request: ExportRequest, table: MessageTable, path: Path, step: ExportStep) -> None:
     heads = schema(table)
     metadata = {"recording": request.title, "device": request.device_name(table.device), "message": table.name}
+    metadata |= {"simulated": "true"} if request.is_simulated(table.device) else {}
     with pq.ParquetWriter(path, heads.with_metadata(metadata), compression="zstd") as writer:
         for batch in batches(request, table, step):
             writer.write_batch(batch.replace_schema_metadata(metadata))

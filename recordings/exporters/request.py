@@ -95,6 +95,10 @@ class ExportRequest:
         """Name of a device; if several share it, followed by the id."""
         return device_names(self.columns.manifest["devices"]).get(device, device)
 
+    def is_simulated(self, device: str) -> bool:
+        """Whether a simulator made the data of a device, which every format says."""
+        return any(one.get("simulated") for one in self.columns.manifest["devices"] if one["id"] == device)
+
     @property
     def has_several_devices(self) -> bool:
         """Whether the recording has samples of more than one device."""

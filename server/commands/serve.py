@@ -21,7 +21,7 @@ from imuscope.server.commands.common import (
     normalized_sources,
     warn_if_interpreted,
 )
-from imuscope.server.config import Config, load
+from imuscope.server.config import SIMULATORS, Config, load
 from imuscope.server.devices.decode_options import declared_options, option_text
 from imuscope.server.devices.protocol_set import problems
 from imuscope.server.errors import UsageError
@@ -72,7 +72,7 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
     tls_renewal = http_server.keeper_of(config)
     _check_extensions(config)
     warn_if_interpreted(None)
-    check_sources(config.sources, decode_options)
+    check_sources(config.sources if config.sources != SIMULATORS else (), decode_options)
     try:
         listener = http_server.listen(config.host, config.port)
     except OSError as error:
@@ -161,7 +161,7 @@ def _print_addresses(config: Config, access: Access, url: str, fingerprint: str,
         logging_setup.print_or_log(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
     for problem in (*problems(), *extension_problems()):
         logging_setup.print_or_log(problem)
-    if is_robot and not config.sources:
+    if is_robot and config.sources == SIMULATORS:
         shown = [simulator.words for simulator in simulators().values() if simulator.usual]
         words = f"No source given: showing simulated devices: {', '.join(shown)}."
         logging_setup.print_or_log(f"{words} See `imuscope serve --help`.")

@@ -95,6 +95,7 @@ class Session:
             status="connecting",
             protocol=reading.protocol,
             message=f"Opening {link.source}.",
+            simulated=link.is_simulated,
         )
         self._state = DeviceState(sink, info, protocol_set.title, names)
         self._set = self._state.set
@@ -268,6 +269,7 @@ class Session:
         owed = self._link.owed
         message = f"{self._link.source} is open, no data yet.{f' {owed.words}' if owed is not None else ''}"
         self._set(is_open=True, message=message, hint="", baud=self._link.baud, notices=self._notices)
+        self._set(simulated=self._link.is_simulated)  # of a recording, known once it is open
 
     def _explain(self, error: LinkError) -> float | None:
         """Publish why the link failed. Returns the time until the next attempt, None to wait for a request."""

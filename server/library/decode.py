@@ -38,7 +38,7 @@ from imuscope.recordings.freed_memory import keep_freed_memory
 from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.importers import CaptureSource
 from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT
+from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT, is_simulated
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.formats.log_clock import LogTimes
 from imuscope.recordings.sources import ChunkBlock, Source, damage_of
@@ -107,6 +107,7 @@ class _Device:
             product=about.get("product", ""),
             serial_number=about.get("serial_number", ""),
             firmware=about.get("firmware", ""),
+            simulated=is_simulated(about),
             baud=int(about["baud"]) if about.get("baud", "").isdecimal() else None,
             topic=about.get("topic", ""),
         )

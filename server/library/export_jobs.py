@@ -106,6 +106,8 @@ class ExportJobs:
                 "bad-format", f"Unknown format {request.format:.40}.", f"Available: {', '.join(FORMATS)}."
             )
         stem, suffix = file_stem(info.title, request.t0, request.t1), FORMATS[request.format].suffix
+        if any(device.simulated for device in info.devices):
+            stem += "-simulated"  # of the formats that have no place for it
         work = ExportWork(
             request.format, _words(request), "imuscope.server.library.export_worker", asdict(request), stem, suffix
         )

@@ -51,6 +51,7 @@ METADATA_FIELDS = (
     "name",
     "source",
     "link",
+    "simulated",
     "protocol",
     "product",
     "serial_number",
@@ -387,7 +388,7 @@ def _merged(pasts: Sequence[tuple[Follower, Take]], until_ns: int) -> Iterator[t
 
 def about(info: wire.DeviceInfo) -> dict[str, Any]:
     """Device metadata for a recording; unknown values are omitted."""
-    return {name: value for name in METADATA_FIELDS if (value := getattr(info, name)) not in ("", None)}
+    return {name: value for name in METADATA_FIELDS if (value := getattr(info, name)) not in ("", None, False)}
 
 
 def in_event_loop() -> bool:

@@ -180,10 +180,12 @@ class Link(ABC):
         detects_baud: `open` tries each rate until a protocol is detected.
         protocol: protocol of its bytes, if the link determines it; "" otherwise.
         preamble: bytes that a decoder, or a recording, needs before those that it receives from now on.
+        is_simulated: a simulator makes its bytes, or made those that it plays.
         owed: frames that are owed to the device; the search for its rate ends at that rate if it is silent there.
     """
 
     kind: str
+    is_simulated = False
     datagrams = False  # each chunk is a datagram, not divided with Flow.keep_datagrams
 
     def __init__(self, source: str, settings: LinkSettings) -> None:

@@ -21,7 +21,7 @@ from urllib.parse import quote
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.protocols.registry import OF_FILES
 from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.mcap_writer import RecordingError, is_simulated
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
 from imuscope.server.links.capture_file import FULL_BYTES, SPEEDS, FileLink
@@ -125,7 +125,9 @@ class ReplayLink(FileLink):
         if span is None:
             raise LinkError("ended", f"{self.path.name} holds no bytes of a device.", "Give another recording.")
         device = self._chosen(file)
-        if (known := file.devices.get(device)) is not None and known.protocol in (MESSAGES, *OF_FILES):
+        if (known := file.devices.get(device)) is not None:
+            self.is_simulated = is_simulated(known.identity)
+        if known is not None and known.protocol in (MESSAGES, *OF_FILES):
             self.protocol = known.protocol
         if self.protocol == MESSAGES:
             self.preamble = file.preamble(device)

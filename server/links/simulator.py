@@ -271,6 +271,7 @@ class SimulatorLink(Link):
     """
 
     kind = "simulator"
+    is_simulated = True
 
     def __init__(
         self,

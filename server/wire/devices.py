@@ -51,6 +51,7 @@ class DeviceInfo:
     topic: str = ""  # name under which others subscribe to it, in later runs too: "imu", "imu_2"; "" of a file
     former_name: str = ""  # displayed name when it was identified last, before this run; "" if it never was
     quiet_since: float | None = None  # unix s at which it became quiet for a known reason, which `message` gives
+    simulated: bool = False  # a simulator made its data, also those of a recording that is played
     unconfirmed_since: float | None = None  # unix seconds at which its link came back: another sensor may be there
 
     @property

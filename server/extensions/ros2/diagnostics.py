@@ -59,6 +59,7 @@ def diagnostics(
     values = {
         "status": device["status"],
         "source": device.get("source"),
+        "simulated": device.get("simulated") or None,
         "product": device.get("product"),
         "firmware": device.get("firmware"),
         "rate_hz": _rounded(figures.get("rate"), 2),

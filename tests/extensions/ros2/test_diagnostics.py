@@ -47,6 +47,9 @@ def test_a_live_device_is_ok_and_tells_how_well_its_clock_is_known() -> None:
     assert values["stamp_uncertainty_ms"] == "0.25"
     assert values["rate_hz.MTData2"] == "100.0"
     assert "clock_drift_ppm" not in values
+    assert "simulated" not in values
+    of_simulator = status_of(DEVICE | {"simulated": True}, HEALTH, DiagnosticCounts(lost=3))
+    assert {one.key: one.value for one in of_simulator.values}["simulated"] == "True"
 
 
 @each_row(

@@ -21,6 +21,7 @@ import { MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { ResumeButton } from "./empty-states";
 import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
+import { SimulatedTag } from "../ui/simulated-tag";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -144,6 +145,11 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
         )}
         <span title={device.source}>{device.parent ? TEXT.sameLink : shortSource(device.source)}</span>
         {device.baud !== null && device.parent === "" && <span>{TEXT.baudRate(device.baud)}</span>}
+        {device.simulated && (
+          <span>
+            <SimulatedTag of={device} />
+          </span>
+        )}
       </span>
     </span>
   );

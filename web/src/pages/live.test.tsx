@@ -88,6 +88,16 @@ test("unverified data are marked wherever they are", async () => {
   await waitFor(() => expect(text(".health-list")).toMatch(/unverified\s*▲/));
 });
 
+test("a simulated device is said to be one beside it and in the bar", async () => {
+  const { store } = await open("xbus");
+  const told = (): readonly number[] =>
+    [".device .simulated", ".bar .simulated"].map((place) => document.querySelectorAll(place).length);
+  expect(told()).toEqual([0, 0]);
+  const devices = store.devices.value.map((one) => ({ ...one, simulated: true }));
+  store.receive({ kind: "text", text: { op: "devices", devices } });
+  await waitFor(() => expect(told()).toEqual([1, 1]));
+});
+
 test("devices that share a link are selected one by one", async () => {
   const { store, app, asked } = await open("shared-link");
   await waitFor(() => expect(document.querySelectorAll(".device .choose-device").length).toBe(3));

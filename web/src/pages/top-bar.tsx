@@ -19,6 +19,8 @@ import { Record } from "./record-button";
 import { href, isRemote, type PageName, pagesOf, route } from "./route";
 import { Share } from "./share";
 import { distinctName } from "../wire/device-name";
+import type { DeviceInfo } from "../wire/types";
+import { SimulatedTag } from "../ui/simulated-tag";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -71,6 +73,7 @@ export function TopBar({ app, deps }: Props & { readonly deps?: Deps }) {
       ) : (
         deps && <ArrangeButton app={app} deps={deps} />
       )}
+      <SimulatedTag of={deviceOf(deps ?? (isLive || page === "configure" ? app : undefined))} />
       {!isRemote(page) && <Record app={app} />}
       {isLive && showsPlots(app.state.value) && <Slot name="barShare" with={{ app }} />}
       {isLive && showsPlots(app.state.value) && <Share app={app} />}
@@ -95,6 +98,9 @@ export function TopBar({ app, deps }: Props & { readonly deps?: Deps }) {
     </header>
   );
 }
+
+const deviceOf = (deps: Deps | undefined): DeviceInfo | undefined =>
+  deps?.store.devices.value.find(({ id }) => id === deps.viewState.device.value);
 
 /** State of the device and pending confirmation, if there is no room for the time controls. */
 function StateTags({ app }: Props) {

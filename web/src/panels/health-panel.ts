@@ -265,7 +265,8 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
   const why = new LiveMessage(el("span"));
   const late = new LiveText();
   const lateTag = el("span", { class: "tag warn", hidden: "" }, late.node);
-  host.append(lateTag);
+  const simulated = el("span", { class: "tag", hidden: "" }, COMMON.simulated);
+  host.append(simulated, lateTag);
   const items = STRIP.map((key) => {
     const [value, unit] = [new LiveText(), new LiveText()];
     const box = el("b", {}, value.node);
@@ -285,6 +286,7 @@ function mountStrip(host: HTMLElement, deps: Deps): Panel {
         unit.set(key === "gaps" && figure.tone ? "" : (STRIP_UNITS[key] ?? figure.unit));
         box.className = figure.tone ? `tag ${figure.tone}` : "";
       }
+      simulated.hidden = device?.simulated !== true;
       const behind = deps.store.behind(id);
       lateTag.hidden = behind.total === 0;
       late.set(behind.total > 0 ? behindWords(behind) : "");

@@ -25,6 +25,7 @@ const device = (protocol: string) => ({
   messages: 0,
   lost: 0,
   rejects: 0,
+  simulated: false,
   counts_losses: true,
 });
 

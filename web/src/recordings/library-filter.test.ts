@@ -35,6 +35,7 @@ const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
       messages: 10,
       lost: 0,
       rejects: 0,
+      simulated: false,
       counts_losses: true,
     },
   ],
@@ -117,6 +118,7 @@ it("a device without data is in no recording name and no filter", () => {
     messages: 0,
     lost: 0,
     rejects: 0,
+    simulated: false,
     counts_losses: true,
   };
   const info = one({ title: "", devices: [...one().devices, silent] });
@@ -153,6 +155,7 @@ it("shows the serial number of a device once", () => {
     messages: 0,
     lost: 0,
     rejects: 0,
+    simulated: false,
     counts_losses: true,
   };
   expect(deviceName(device)).toBe("IDTP device 102");

@@ -13,6 +13,7 @@ export interface RecordedDevice {
   readonly messages: number | null;
   readonly lost: number;
   readonly rejects: number;
+  readonly simulated: boolean;
   /** whether lost frames are known: none lost means that none are missing */
   readonly counts_losses: boolean;
 }

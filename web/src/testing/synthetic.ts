@@ -62,6 +62,7 @@ export const DEVICE: DeviceInfo = {
   topic: "imu",
   former_name: "",
   quiet_since: null,
+  simulated: false,
   unconfirmed_since: null,
   baud: null,
   message: "",

@@ -2,6 +2,8 @@
 import type { Value } from "./plural";
 
 export const COMMON = {
+  simulated: "Simulated",
+  simulatedHint: "A simulator makes these data; there is no sensor.",
   viewOnly: "View only",
   viewOnlyHint: "View only: to change something, open this page with a control token.",
   addADevice: "Add a device",

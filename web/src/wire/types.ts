@@ -160,6 +160,8 @@ export interface DeviceInfo {
   readonly former_name: string;
   /** unix s at which it became quiet for a known reason, which `message` gives */
   readonly quiet_since: number | null;
+  /** a simulator made its data, also those of a recording that is played */
+  readonly simulated: boolean;
   /** unix seconds at which its link came back: another sensor may be there */
   readonly unconfirmed_since: number | null;
 }

@@ -29,6 +29,7 @@ import { Jobs } from "./export-jobs";
 import { type Library, libraryOf } from "./library-store";
 import { playAsDevice } from "./share-menu";
 import { isViewOnly } from "../../wire/capabilities";
+import { SimulatedTag } from "../../ui/simulated-tag";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -164,6 +165,7 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
             <b class="ellipsis" title={deviceName(device)}>
               {deviceName(device)}
             </b>
+            <SimulatedTag of={device} />
             <span class="mid">
               {number(device.messages ?? undefined, 0)}
               <span class="unit">{TEXT.messagesUnit}</span>

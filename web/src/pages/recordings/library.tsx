@@ -29,6 +29,7 @@ import { RecordingDetails } from "./details";
 import { type Library, libraryOf } from "./library-store";
 import { Thumb } from "./thumbnail";
 import { TableHead } from "../../ui/table-head";
+import { SimulatedTag } from "../../ui/simulated-tag";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -306,6 +307,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
             </span>
           )}
           {tone !== "" && <span class={`tag ${tone} phone`}>{words}</span>}
+          <SimulatedTag of={info.devices.find(({ simulated }) => simulated)} />
           <Slot name="recordingRow" with={{ app, info }} />
           {about}
         </small>

@@ -1,0 +1,75 @@
+"""What a simulator made is said to be simulated: of a device, its recordings, exports, and what is played of them."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pyarrow.parquet as pq
+from mcap.reader import make_reader
+
+from imuscope.recordings.mcap_writer import is_simulated
+from tests.each_row import each_row
+from tests.server_process import ServerProcess
+from tests.waiting import block_until
+
+Serve = Callable[..., ServerProcess]
+
+
+def test_a_simulated_device_is_one_in_its_recording_in_exports_and_when_it_is_played(serve: Serve) -> None:
+    """It looked like a sensor with a serial number, but for a grey `sim:xbus`."""
+    server = serve("sim:xbus")
+    block_until(lambda: server.ask("GET", "/api/devices")[0]["status"] == "live", "it sends")
+    assert server.ask("GET", "/api/devices")[0]["simulated"]
+    recording = server.ask("POST", "/api/recordings/start", {})["id"]
+    block_until(lambda: server.ask("GET", "/api/recorder")["bytes"] > 10_000, "something is recorded")
+    server.ask("POST", "/api/recordings/stop", {})
+    [file] = server.data.rglob(f"{recording}.mcap")
+    [listed] = server.ask("GET", "/api/recordings")
+    assert [device["simulated"] for device in listed["devices"]] == [True]
+    server.ask("POST", "/api/devices", {"source": str(file)})
+    block_until(lambda: server.ask("GET", "/api/devices")[-1]["status"] == "live", "it is played")
+    assert [device["simulated"] for device in server.ask("GET", "/api/devices")] == [True, True]
+    made = {format: exported(server, recording, format) for format in ("parquet", "mcap", "csv")}
+    assert all("simulated" in path.name for path in made.values())
+    with zipfile.ZipFile(made["parquet"]) as archive, archive.open(archive.namelist()[0]) as table:
+        assert pq.read_schema(table).metadata[b"simulated"] == b"true"
+    with made["mcap"].open("rb") as mcap:
+        [about] = [one.metadata for one in make_reader(mcap).iter_metadata() if one.name == "export"]
+    assert about["simulated"] == "MTi-630"
+
+
+def exported(server: ServerProcess, recording: str, format: str) -> Path:
+    job = server.ask("POST", f"/api/recordings/{recording}/exports", {"format": format})["id"]
+
+    def done() -> str:
+        jobs = server.ask("GET", "/api/recordings/exports")
+        [one] = [one for one in jobs if one["id"] == job]
+        return str(one["file"]) if one["state"] == "done" else ""
+
+    block_until(done, "it is exported")
+    [path] = server.data.rglob(done())
+    return path
+
+
+@each_row(
+    ("about", "simulated"),
+    [
+        ({"link": "serial"}, False),
+        ({"link": "simulator"}, True),
+        ({"link": "twin"}, True),
+        ({"link": "file", "simulated": "True"}, True),
+    ],
+)
+def test_recordings_of_earlier_versions_are_known_by_their_link(about: dict[str, str], simulated: bool) -> None:
+    assert is_simulated(about) is simulated
+
+
+def test_an_empty_list_of_sources_opens_none(serve: Serve, tmp_path: Path) -> None:
+    """Three simulators were started all the same."""
+    settings = tmp_path / "imuscope.toml"
+    settings.write_text("sources = []\n")
+    server = serve(arguments=("--config", str(settings)))
+    assert server.ask("GET", "/api/devices") == []
+    assert "simulated" not in server.log
