@@ -119,7 +119,7 @@ def is_summary(summary: dict[str, Any]) -> bool:
     lists = is_list(summary["thumbnail"], list) and all(is_list(one, int, float) for one in summary["thumbnail"])
     lists = lists and is_list(summary["losses"], int, float) and is_list(summary["markers"], str)
     devices = is_list(summary["devices"], dict) and all(
-        isinstance(value, int if name in ("messages", "lost", "rejects", "counts_losses") else str)
+        isinstance(value, int if name in ("messages", "lost", "rejects", "simulated", "counts_losses") else str)
         for one in summary["devices"]
         for name, value in one.items()
     )
