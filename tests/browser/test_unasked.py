@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 from playwright.sync_api import Page, Request
 
+from imuscope.server.extensions.analysis import EXTENSION as ANALYSIS
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
@@ -29,6 +30,7 @@ BUSY = {"id": 9, "device": "1", "title": "Write profile", "state": "running", "s
 BUSY |= {"snapshot": "", "values": {}, "outcomes": [], "started": 1.0, "ended": None}
 NAMES = {"←": "ArrowLeft", "→": "ArrowRight", "−": "-", "Esc": "Escape", "/": "/"}
 RULES = RouteRules()
+RULES.add((), ANALYSIS.read_only_posts)
 OWN_FILES = re.compile(r"/api/(recordings|recorder|workspaces)\b")
 """Requests that change something of the server's own, and nothing of a device."""
 

@@ -92,10 +92,10 @@ test("a simulated device is said to be one beside it and in the bar", async () =
   const { store } = await open("xbus");
   const told = (): readonly number[] =>
     [".device .simulated", ".bar .simulated"].map((place) => document.querySelectorAll(place).length);
-  expect(told()).toEqual([0, 0]);
-  const devices = store.devices.value.map((one) => ({ ...one, simulated: true }));
+  expect(told()).toEqual([1, 1]);
+  const devices = store.devices.value.map((one) => ({ ...one, simulated: false }));
   store.receive({ kind: "text", text: { op: "devices", devices } });
-  await waitFor(() => expect(told()).toEqual([1, 1]));
+  await waitFor(() => expect(told()).toEqual([0, 0]));
 });
 
 test("devices that share a link are selected one by one", async () => {
