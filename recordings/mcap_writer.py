@@ -124,7 +124,7 @@ class RecordingError(ExplainedError):
 
 
 def is_simulated(about: Mapping[str, str]) -> bool:
-    """Whether a simulator made what is recorded of a device. Recordings of earlier versions have only its link."""
+    """Whether a simulator made the data of a recorded device. Recordings of earlier versions have only its link."""
     return about.get("simulated", "") != "" or about.get("link") in ("simulator", "twin")
 
 

@@ -387,7 +387,7 @@ class DeviceController:
             self._explain_rest(on, who)
 
     def _explain_rest(self, on: bool, who: str) -> None:
-        """Explain the silence of the config state, and what has set the device to it."""
+        """Explain the silence of the config state, naming the person's action or program that set it."""
         if on:
             command = self.driver.ends_rest
             self.explain_quiet(REST.format(who=who, state=AT_REST.lower()), REST_HINT.format(command=command), command)

@@ -44,7 +44,7 @@ SILENT_HINT = "Check that it is powered and in range; it is shown again when it 
 
 
 NOT_QUIET = {"message": "", "hint": "", "resume": "", "quiet_since": None, "next_attempt": None}
-"""What is published of a device that sends."""
+"""Published state of a device that sends."""
 
 
 @dataclass(frozen=True, slots=True)

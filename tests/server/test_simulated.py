@@ -1,4 +1,4 @@
-"""What a simulator made is said to be simulated: of a device, its recordings, exports, and what is played of them."""
+"""Mark of simulated data: at a device, in its recordings and exports, and when these are played as a device."""
 
 from __future__ import annotations
 
