@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 from mcap.reader import make_reader
@@ -33,8 +35,11 @@ def test_a_simulated_device_is_one_in_its_recording_in_exports_and_when_it_is_pl
     assert [device["simulated"] for device in server.ask("GET", "/api/devices")] == [True, True]
     made = {format: exported(server, recording, format) for format in ("parquet", "mcap", "csv")}
     assert all("simulated" in path.name for path in made.values())
-    with zipfile.ZipFile(made["parquet"]) as archive, archive.open(archive.namelist()[0]) as table:
-        assert pq.read_schema(table).metadata[b"simulated"] == b"true"
+    table: Any = made["parquet"]
+    if table.suffix == ".zip":  # of several messages
+        archive = zipfile.ZipFile(table)
+        table = io.BytesIO(archive.read(archive.namelist()[0]))
+    assert pq.read_schema(table).metadata[b"simulated"] == b"true"
     with made["mcap"].open("rb") as mcap:
         [about] = [one.metadata for one in make_reader(mcap).iter_metadata() if one.name == "export"]
     assert about["simulated"] == "MTi-630"
