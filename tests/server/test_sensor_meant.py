@@ -100,6 +100,8 @@ async def test_a_request_may_name_a_device_by_its_key(tmp_path: Path) -> None:
         two = await here.add(f"{tmp_path / 'b'}?baud=115200")
         for desk in (one, two):
             await here.read(desk)
+        # what a script held before the number was known names it still, and so does its topic
+        assert [here.sessions.id_of(name) for name in (f"{tmp_path / 'b'}?baud=115200", "imu_2")] == [two.device] * 2
         key = f"xbus-{NEW}"
         assert here.desks.get(key) is two
         assert here.sessions.get(key) is two.member.link_session

@@ -220,7 +220,11 @@ class Ros2:
             self._event("error" if is_breach else "info", f"ROS 2 contract: {text}", {"kind": "contract"})
         broken, names = self._contract.broken, {row["name"] for row in topics}
         self.state.topics = [{**row, "problem": row["problem"] or broken.get(row["name"], "")} for row in topics]
-        absent = [{"device": "", "topic": one, "reason": broken[one]} for one in broken if one not in names]
+        nodes = {f"{row['node']}/": row["device"] for row in topics}
+        absent = [
+            {"device": next((nodes[n] for n in nodes if one.startswith(n)), ""), "topic": one, "reason": broken[one]}
+            for one in broken.keys() - names
+        ]
         self.state.missing = [*missing, *absent]
 
     def _on_router(self, state: str) -> None:
