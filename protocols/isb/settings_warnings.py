@@ -44,8 +44,8 @@ def _of_navigation(before: Values, changed: Values, product: str) -> list[Risk]:
     risks = []
     if 0 < period < LEAST_NAV_MS and (not product or product.startswith("IMX-5")):
         risks.append(Risk("stops-output", _TOO_SHORT.format(least=LEAST_NAV_MS, given=period)))
-    navigation, sampling = period or old, changed.get("startupImuDtMs", 0)
-    if 0 < navigation < sampling:
+    navigation, sampling = period or old, changed.get("startupImuDtMs", before.get("startupImuDtMs", 0))
+    if 0 < navigation < sampling and ("startupImuDtMs" in changed or period):
         risks.append(Risk("", _SHORTENED.format(given=sampling, least=navigation)))
     if 0 < period < old:
         risks.append(Risk("", _FASTER.format(old=1000 / old, new=1000 / period)))

@@ -37,10 +37,11 @@ from imuscope.server.configuration.device_controller import (
 )
 from imuscope.server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
 from imuscope.server.configuration.sensor_check import check_sensor
+from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
-from imuscope.server.configuration.value_format import field_at, record_at, title_at, value_at, words
+from imuscope.server.configuration.value_format import field_at, head_of, record_at, title_at, value_at, words
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire_codec import to_json_safe
 
@@ -170,7 +171,8 @@ class Jobs:
             written = await RollbackRun(controller, driver, self._rollbacks, record, task, self._timings).apply()
         else:
             written = await self._write_in_place(controller, task, change)
-        self._report(controller, task, rows, written)
+        also = also_changed(controller, old, written)
+        self._report(controller, task, rows, written, also)
 
     async def _write_in_place(self, controller: DeviceController, task: QueuedJob, change: Change) -> list[WriteResult]:
         """Write settings that cannot cut the line. The rollback record is on disk during the write: if the server is
@@ -302,7 +304,12 @@ class Jobs:
         )
 
     def _report(
-        self, controller: DeviceController, task: QueuedJob, rows: Mapping[str, Setting], written: Sequence[WriteResult]
+        self,
+        controller: DeviceController,
+        task: QueuedJob,
+        rows: Mapping[str, Setting],
+        written: Sequence[WriteResult],
+        also: Sequence[str],
     ) -> None:
         actual = {one.setting: one.actual for one in written if one.actual is not None}
         controller.values = {  # another object, because holders of the earlier values compare
@@ -317,6 +324,8 @@ class Jobs:
         if len(job.outcomes) > len(refused):
             job.message += f"; {len(job.outcomes) - len(refused)} values differ from the request"
         job.message += "." if not refused else f"; {refused[0].title}: {refused[0].reason}."
+        if also:
+            job.message += f" Also changed: {', '.join(also[:MAX_WORDS])}."
         for outcome in job.outcomes:
             texts = (
                 outcome.reason
@@ -465,6 +474,20 @@ async def _call_device(
                 if time.monotonic() > end:
                     raise gone from None
                 await asyncio.sleep(timings.reopen_s)
+
+
+def also_changed(controller: DeviceController, old: Mapping[str, Values], written: Sequence[WriteResult]) -> list[str]:
+    """Values that changed beside those that were written, as read back: "Sampling period 10 ms → 5 ms"."""
+    requested = {one.setting: set(one.requested) for one in written}
+    read = {**controller.values, **{one.setting: one.actual for one in written if one.actual is not None}}
+    rows = controller.rows
+    now = {name: read[name] for name in old if name in read and name in rows and rows[name].write}
+    sides = ComparedValues("", {name: old[name] for name in now}), ComparedValues("", now)
+    return [
+        f"{one.title} {one.left or 'none'} → {one.right or 'none'}"
+        for one in compare(controller.driver, controller.context, *sides).rows
+        if one.writable and head_of(one.path, old[one.setting])[0] not in requested.get(one.setting, ())
+    ]
 
 
 def changed_words(row: Setting, paths: Sequence[str], old: Values, new: Values) -> list[str]:

@@ -13,6 +13,7 @@ import pytest
 from imuscope.protocols.events import Event
 from imuscope.protocols.transactions import DeviceContext, ReopenLink, Send, Sleep, WaitFor, cancel
 from imuscope.protocols.xbus.driver import XbusDriver
+from imuscope.server.configuration.change_plan import plan_changes
 from imuscope.server.configuration.device_controller import MAX_WAITING, ControlError, DeviceController
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.links.base import LinkError
@@ -298,6 +299,20 @@ async def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_p
         assert all(len(frame) < 20 for frame in frames)
         pause = "imuscope had restarted the device (“Write”)."
         await until(lambda: any(pause in event.text for event in here.telemetry.log), "the pause is told")
+
+
+async def test_a_value_that_changes_beside_the_written_one_is_told_before_and_after(tmp_path: Path) -> None:
+    """A navigation period of 5 ms made the sampling period 5 ms, too, without a word."""
+    async with house_of("sim:isb?rate=100", tmp_path, is_read=True) as (here, desk):
+        changes = {"DID_FLASH_CONFIG": {"startupNavDtMs": 5}}
+        told = [risk.consequence for risk in plan_changes(desk, changes).risks]
+        assert any("sampling period of 10 ms" in text and "shortens it to 5 ms" in text for text in told)
+        job = await here.apply(desk, changes)
+        assert (job.state, job.outcomes) == ("done", [])
+        also = job.message.partition("Also changed: ")[2]
+        assert "10 ms → 5 ms" in also
+        job = await here.apply(desk, {"DID_FLASH_CONFIG": {"gnssCn0Minimum": 21}})
+        assert "Also changed" not in job.message
 
 
 async def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:
