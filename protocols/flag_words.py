@@ -42,6 +42,13 @@ def word_of(text: str, field: Field, path: str = "") -> int:
     return word
 
 
+def unknown_bits(rows: Sequence[Bits], word: int) -> list[str]:
+    """Set bits that the table does not have, as text."""
+    known = sum(((1 << row.width) - 1) << row.low for row in rows)
+    left = word & ~known if word >= 0 else 0
+    return [f"unknown bit {bit}" for bit in range(left.bit_length()) if left >> bit & 1]
+
+
 def _term(term: str, rows: Sequence[Bits], path: str) -> tuple[Bits, int]:
     """A flag, or a group and its value."""
     name, sign, meaning = (part.strip() for part in term.replace(":", "=", 1).partition("="))

@@ -294,6 +294,10 @@ class DeviceDriver(ABC):
         """Readable settings of this device, and whether they are writable."""
         return ()
 
+    def lacking_rules(self, known: DeviceContext) -> str:
+        """What the tables do not know of this product, a sentence; "" if they have its rules."""
+        return ""
+
     @abstractmethod
     def frame(self, command: str, values: Values, known: DeviceContext) -> bytes:
         """The bytes of a command (or of an NMEA line)."""

@@ -226,6 +226,9 @@ def _cut(field: Field, at: int, offset: int, end: int, count: int | None) -> Pla
     return field, at + first * step - offset
 
 
+IMU_SETS = (57, 96)
+
+
 @lru_cache(maxsize=4096)
 def places(
     did: int, offset: int, size: int, *, version: str | None = None, variant: int = 0, count: int = -1
@@ -242,7 +245,8 @@ def places(
     if dataset is None or dataset.struct is None:
         return ((replace(OPAQUE, shape=(size,)), 0),)
     out: list[Place] = []
-    for field, at in _known(dataset, version_for(did, offset, size, version)):
+    version = version_for(did, offset, size, version)
+    for field, at in [*_known(dataset, version), *_more_imus(did, dataset, version)]:
         counted: int | None = count if field.name in dataset.struct.counts else None
         if did in RAW_SETS and field.name == "data":
             field, counted = _raw(field, at, offset, size, variant, count)
@@ -254,6 +258,12 @@ def places(
         if place:
             out.append(place)
     return tuple(out)
+
+
+def _more_imus(did: int, dataset: DataSet, version: str | None) -> list[Place]:
+    """The inertial sensors of an IMX-6, five where an IMX-5 has three."""
+    found = dataset.struct.field("I") if did in IMU_SETS and version == VERSIONS[-1] and dataset.struct else None
+    return [(replace(found[0], shape=(5,)), found[1])] if found is not None else []
 
 
 def _raw(field: Field, at: int, offset: int, size: int, variant: int, count: int) -> tuple[Field, int | None]:

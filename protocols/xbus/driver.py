@@ -94,6 +94,11 @@ class XbusDriver(DeviceDriver):
     def settings(self, known: DeviceContext) -> Sequence[Setting]:
         return commands.settings(known.product)
 
+    def lacking_rules(self, known: DeviceContext) -> str:
+        if not known.product or model_of(known.product) is not None:
+            return ""
+        return f"No rules for {known.product}: everything of the MTi family is offered, and it refuses what it lacks."
+
     # -- frames
 
     def frame(self, command: str, values: Values, known: DeviceContext) -> bytes:

@@ -15,7 +15,8 @@ At different rates a tick's message contains only the items due: with a quaterni
 400 Hz, three messages of four carry no quaternion.
 
 Source: MT0101P 2020.A, tables 16, 17, 23 and 24; the separate messages of GNSS items, and their content, are known from
-captures. The high rate of a 1-series device depends on its hardware: 800 Hz from 2.0 on, before that 1000 Hz.
+captures. The high rate of a 1-series device depends on its hardware: 800 Hz from 2.0 on, before that 1000 Hz; that of a
+600-series' RateOfTurnHR is 2000 Hz from 2.0 on.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from imuscope.protocols.xbus.products import ALL, BARO, CLASSIC, FILTER, GNSS, O
 ALWAYS = 0xFFFF  # output frequency of items in every message
 TIME = 0x10  # high byte of the items that also accompany the messages of the other streams
 ORDER = ("main", "gnss", "hr", "scr")
+SIX_HERTZ: Mapping[str, int] = {"BaroPressure": 100, "Temperature": 400}
+"""Rates of the 600-series above those of table 16, by the vendor's public code."""
 IDLE_HZ = 100  # rate of messages with nothing but accompanying items
 SATELLITES = 28  # assumed length of their list, from a capture; it varies
 
@@ -140,6 +143,8 @@ def max_rate(output: Output, model: Model | None = None) -> int:
     """The greatest rate of an item in a product, Hz; ALWAYS for accompanying ones."""
     if model is None or output.hertz == ALWAYS:
         return output.hertz
+    if model.series == 600:
+        return 2000 if output.name == "RateOfTurnHR" and model.late else SIX_HERTZ.get(output.name, output.hertz)
     if output.stream == "hr" and model.series != 600:
         return 800 if model.series == 1 and not model.early else 1000
     return min(output.hertz, 100) if model.series == 1 and output.hertz == 400 else output.hertz

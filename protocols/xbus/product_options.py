@@ -34,7 +34,7 @@ from imuscope.protocols.xbus.enums import (
     TRIGGER,
 )
 from imuscope.protocols.xbus.output_configuration import OUTPUTS, output_of
-from imuscope.protocols.xbus.products import ALL, CLASSIC, GNSS, NO_PRODUCTS, ONE, RTK, SIX, Model
+from imuscope.protocols.xbus.products import ALL, CLASSIC, GNSS, INTERNAL_GNSS, NO_PRODUCTS, ONE, RTK, SIX, Model
 
 _OPTIONS: Mapping[str, frozenset[int]] = {  # table 8
     "DisableAutoStore": ONE,
@@ -89,7 +89,9 @@ _PROFILES: Mapping[str, range | tuple[int, ...]] = {  # table 30
 
 
 def lines_of(model: Model) -> tuple[int, ...]:
-    """Sync lines of a product (table 12)."""
+    """Sync lines of a product (table 12); all where the document does not have it."""
+    if model.name == INTERNAL_GNSS:
+        return tuple(SYNC_LINES)
     if model.series == 600:
         return (2, 9, 10, 7, SOFTWARE) if model.number in RTK else (2, 9, 7, SOFTWARE)
     own = {7: (2, 1, 8, SOFTWARE), 710: (2, 0, 1, 5, 4, SOFTWARE)}
@@ -99,8 +101,8 @@ def lines_of(model: Model) -> tuple[int, ...]:
 def is_wired(function: int, line: int, model: Model | None = None) -> bool:
     """Whether the line has the direction required by the function."""
     if function == PULSE:
-        lines = PULSE_LINES.get(model.number, ()) if model else {one for some in PULSE_LINES.values() for one in some}
-        return line in lines
+        any_line = {one for some in PULSE_LINES.values() for one in some}
+        return line in (any_line if model is None or model.name == INTERNAL_GNSS else PULSE_LINES.get(model.number, ()))
     return line in _SYNC_OUT_LINES if function in SYNC_OUT else line not in _LINES_OUT
 
 

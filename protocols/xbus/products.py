@@ -10,10 +10,11 @@ list of products and the recurring sets of these marks:
     GNSS/INS        MTi-7                     MTi-G-700, -710     MTi-670
     RTK GNSS/INS                                                  MTi-680G
 
-`model_of` reads a product code as sent by devices ("MTi-630-8A1G6", "MTi-G-710-2A8G4"). For an unknown product
-everything is offered, and the device refuses what it lacks.
+`model_of` reads a product code as sent by devices ("MTi-630-8A1G6", "MTi-G-710-2A8G4"); a rugged one ("MTi-630R") has
+the rules of its plain form, and an MTi-670G those of an MTi-670 but for its sync lines. For a product without rules
+here (MTi-8, MTi-320, Avior, Sirius) everything is offered, the form says so, and the device refuses what it lacks.
 
-Source: MT0101P 2020.A, Introduction and the product rows of 5.3.
+Source: MT0101P 2020.A, Introduction and the product rows of 5.3; names of newer products from the vendor's public code.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class Model:
         number: as in the document's product rows (710 for the MTi-G-710, 680 for the MTi-680G).
         series: 1, 10, 100 or 600; the MTi-G-710 belongs to the 100-series.
         early: its hardware is older than version 2.0.
+        late: its hardware is of version 2.0 or newer.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Model:
     series: int
     kind: Kind
     early: bool = False
+    late: bool = False
 
 
 MODELS: Mapping[int, Model] = {
@@ -77,7 +80,8 @@ BARO = frozenset({7}) | SIX | {100, 200, 300, 710}
 NO_PRODUCTS: frozenset[int] = frozenset()
 """Features of no product of this document: deprecated, or known from the devices' own software only."""
 
-_CODE = re.compile(r"MTi-(?:G-)?(\d+)G?(?![0-9A-Za-z])")
+_CODE = re.compile(r"MTi-(?:G-)?(\d+)([GR]?)(?![0-9A-Za-z])")
+INTERNAL_GNSS = "MTi-670G"
 
 
 def model_of(product: str) -> Model | None:
@@ -88,13 +92,15 @@ def model_of(product: str) -> Model | None:
     match = _CODE.match(product.strip())
     if match and match[1] == "700":
         return replace(MODELS[710], name="MTi-G-700")
-    return MODELS.get(int(match[1])) if match else None
+    model = MODELS.get(int(match[1])) if match else None
+    own_name = match is not None and (match[2] == "R" or match[0] == INTERNAL_GNSS)
+    return replace(model, name=match[0]) if model is not None and match is not None and own_name else model
 
 
 def as_built(model: Model | None, hardware: Mapping[str, Any]) -> Model | None:
     """The product adjusted by its hardware version; `hardware`: major and minor, empty if unknown."""
-    early = model is not None and 0 < int(hardware.get("major", 0)) < 2
-    return replace(model, early=True) if model is not None and early else model
+    major = int(hardware.get("major", 0))
+    return replace(model, early=major < 2, late=major >= 2) if model is not None and major else model
 
 
 def absent(product: str) -> tuple[str, ...]:

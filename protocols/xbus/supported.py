@@ -17,7 +17,8 @@ def supported() -> Iterator[SupportTable]:
     yield SupportTable(
         "Products",
         "The product is read from the device's product code. A product that is not in this list is offered every "
-        "setting and command, and rejects those it does not support. An MTi-G-700 is treated as an MTi-G-710.",
+        "setting and command, and rejects those it does not support. An MTi-G-700 is treated as an MTi-G-710, and a "
+        "rugged product (MTi-630R) as its plain form.",
         ("product", "series", "kind", "quantities", "settings", "commands"),
         tuple(_product(model) for model in MODELS.values()),
     )

@@ -31,9 +31,8 @@ UNKNOWN = "The product is not known yet, so everything of its family is listed; 
 async def get_forms(controller: OneController) -> Forms:
     """Every setting and command, as forms."""
     known = controller.context
-    return forms_of(
-        controller.driver, controller.member.info.protocol, known, "" if known.product else UNKNOWN, controller.values
-    )
+    note = controller.driver.lacking_rules(known) if known.product else UNKNOWN
+    return forms_of(controller.driver, controller.member.info.protocol, known, note, controller.values)
 
 
 @router.post("/preview", responses=responses(404, 409, 422))

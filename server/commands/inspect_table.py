@@ -17,6 +17,7 @@ from typing import Any
 
 from imuscope.protocols.composer import ProtocolComposer
 from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.flag_words import unknown_bits
 from imuscope.protocols.labels import device_label
 from imuscope.protocols.schema import Field
 from imuscope.protocols.shown_values import meant, signed_number
@@ -140,7 +141,8 @@ def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) ->
         text = f"{value:.6g}" if narrow else f"{value:.10g}"
     else:
         text = _number(value, field) if isinstance(value, int) else str(value)
-    return f"{text} ({', '.join(flags[path])})" if flags.get(path) else text
+    names = [*flags.get(path, ()), *(unknown_bits(field.bits, value) if field.bits and isinstance(value, int) else ())]
+    return f"{text} ({', '.join(names)})" if names else text
 
 
 def _number(value: int, field: Field) -> str:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.flag_words import unknown_bits
 from imuscope.protocols.labels import constant_label, device_label
 from imuscope.protocols.registry import entry_words
 from imuscope.protocols.schema import Field
@@ -90,7 +91,7 @@ def flags(field: Field, word: int) -> str:
             names.append(f"{constant_label(bits.name)}: {constant_label(str(bits.choices.get(part, part)))}")
         elif part:
             names.append(constant_label(bits.name))
-    return ", ".join(names) or "none"
+    return ", ".join([*names, *unknown_bits(field.bits, word)]) or "none"
 
 
 def comment(field: Field, value: Any) -> str:

@@ -86,6 +86,8 @@ def test_other_firmware(row: dict[str, Any]) -> None:
     tops = {name.partition("[")[0] for name in said}
     wanted = {name.partition("[")[0] for name in row["values"]}
     given = {name for name in tops if name in named or name.partition(".")[0] in named}
+    if row["version"] == "next" and row["did"] in (57, 96):
+        wanted.add("I")  # five in place of three, from the same place: test_newer_products.py
     assert given <= wanted, f"not in {row['version']}: {given - wanted}"
     reserved = {name for name in wanted if "reserved" in name.lower() or "unused" in name.lower()}
     assert wanted - given <= reserved, f"also in {row['version']}: {wanted - given}"

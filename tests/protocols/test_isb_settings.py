@@ -117,8 +117,9 @@ def test_a_navigation_period_that_the_product_cannot_keep_is_told() -> None:
 
     short = "An IMX-5 with a GNSS receiver needs a navigation period of at least 7 ms, given 3 ms."
     faster = "Every stream that follows the navigation period rises from 50 to 333.3 Hz."
-    assert told("IMX-5.1", startupNavDtMs=3) == [short, faster]
-    assert told("GPX-1", startupNavDtMs=3) == [faster]
+    sampling = "The sampling period of 20 ms is longer than the navigation period: the device shortens it to 3 ms."
+    assert told("IMX-5.1", startupNavDtMs=3) == [short, sampling, faster]
+    assert told("GPX-1", startupNavDtMs=3) == [sampling, faster]
     assert told("IMX-5.1", startupNavDtMs=40) == []
     slower = "The sampling period of 30 ms is longer than the navigation period: the device shortens it to 20 ms."
     assert told("IMX-5.1", startupImuDtMs=30) == [slower]
