@@ -295,7 +295,7 @@ class DeviceDriver(ABC):
         return ()
 
     def lacking_rules(self, known: DeviceContext) -> str:
-        """What the tables do not know of this product, a sentence; "" if they have its rules."""
+        """Sentence on a product for which the tables have no rules; "" for others."""
         return ""
 
     @abstractmethod

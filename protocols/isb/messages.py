@@ -262,8 +262,8 @@ def places(
 
 def _more_imus(did: int, dataset: DataSet, version: str | None) -> list[Place]:
     """The inertial sensors of an IMX-6, five where an IMX-5 has three."""
-    found = dataset.struct.field("I") if did in IMU_SETS and version == VERSIONS[-1] and dataset.struct else None
-    return [(replace(found[0], shape=(5,)), found[1])] if found is not None else []
+    place = dataset.struct.field("I") if did in IMU_SETS and version == VERSIONS[-1] and dataset.struct else None
+    return [(replace(place[0], shape=(5,)), place[1])] if place is not None else []
 
 
 def _raw(field: Field, at: int, offset: int, size: int, variant: int, count: int) -> tuple[Field, int | None]:

@@ -41,7 +41,7 @@ from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
-from imuscope.server.configuration.value_format import field_at, head_of, record_at, title_at, value_at, words
+from imuscope.server.configuration.value_format import head_of
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire_codec import to_json_safe
 
@@ -280,7 +280,9 @@ class Jobs:
             read_only = {one.name for one in row.fields if one.read_only}
             keys = new if row.partial else before
             old[name] = {key: before[key] for key in keys if key in before and key not in read_only}
-            changes += changed_words(row, controller.driver.same(name, old[name], new), old[name], new)
+            changes += settings_procedures.changed_words(
+                row, controller.driver.same(name, old[name], new), old[name], new
+            )
         bauds = [cut.baud for cut in cuts if cut.baud is not None]
         baud = controller.member.access.baud
         seconds = self._timings.rollback_s if change.confirm_s is None else change.confirm_s
@@ -488,14 +490,3 @@ def also_changed(controller: DeviceController, old: Mapping[str, Values], writte
         for one in compare(controller.driver, controller.context, *sides).rows
         if one.writable and head_of(one.path, old[one.setting])[0] not in requested.get(one.setting, ())
     ]
-
-
-def changed_words(row: Setting, paths: Sequence[str], old: Values, new: Values) -> list[str]:
-    """List the changes as text, one for each path: "Baud rate 115 200 → 921 600 Bd"."""
-    texts = []
-    for path in paths:
-        at = field_at(row.fields, path)
-        sides = [(value_at(values, path), record_at(values, path)) for values in (old, new)]
-        left, right = ("—" if v is None else words(at, v, of) if at is not None else str(v) for v, of in sides)
-        texts.append(f"{title_at(row.fields, path)} {left} → {right}")
-    return texts

@@ -2,6 +2,7 @@
 
     read_settings  identify; read every setting (or the given ones), with the reason if one could not be read
     write_all      write several settings, one after the other, each read back
+    changed_words  changes as text
     outcomes       values that were refused or differ from the request (devices round rates)
 
 If a device stops answering, reading ends after `SILENT_LIMIT` settings without an answer; the rest is reported as not
@@ -208,3 +209,14 @@ def _outcome(row: Setting, path: str, requested: Values, actual: Values) -> Fiel
         record = record_at(values, path)
         sides.append("" if value is None else words(at, value, record) if at is not None else str(value))
     return FieldOutcome(row.name, path, title_at(row.fields, path), sides[0], sides[1])
+
+
+def changed_words(row: Setting, paths: Sequence[str], old: Values, new: Values) -> list[str]:
+    """List the changes as text, one for each path: "Baud rate 115 200 → 921 600 Bd"."""
+    texts = []
+    for path in paths:
+        at = field_at(row.fields, path)
+        sides = [(value_at(values, path), record_at(values, path)) for values in (old, new)]
+        left, right = ("—" if v is None else words(at, v, of) if at is not None else str(v) for v, of in sides)
+        texts.append(f"{title_at(row.fields, path)} {left} → {right}")
+    return texts
