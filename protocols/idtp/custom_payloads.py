@@ -28,6 +28,7 @@ gaps, in file order. An error names message, field, the given value and the allo
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 import tomllib
@@ -81,6 +82,7 @@ class SchemaError(ValueError):
     """An invalid description. The text names the place, the given value and the allowed ones."""
 
 
+@functools.lru_cache(maxsize=8)
 def parse(text: str) -> Schema:
     """Payload type → row.
 

@@ -80,7 +80,7 @@ async def list_devices(services: TheServices) -> list[DeviceAnswer]:
 @router.post("", status_code=201, responses=responses(400, 409, 422))
 async def add_device(body: AddDeviceRequest, services: TheServices) -> DeviceAnswer:
     """Open a source. Answers at once; the progress is sent over the WebSocket."""
-    reading = body.reading()
+    reading = await asyncio.to_thread(body.reading)
     try:
         named = parse_source_options(body.source, reading)[1].protocol
     except DecodeOptionError as error:
@@ -125,7 +125,8 @@ async def read_device(body: DecodeOptionsBody, services: TheServices, session: O
     stay. A `schema` is added to the existing descriptions.
     """
     check_protocol(body.protocol, services)
-    await session.read_as(changed(session.reading, body.reading(), body.option_names))
+    reading = await asyncio.to_thread(body.reading)  # a schema of 64 kB takes longer than the loop may be held
+    await session.read_as(changed(session.reading, reading, body.option_names))
     return session.info
 
 
