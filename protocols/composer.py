@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +25,7 @@ class ProtocolComposer:
         opaque_fields: fields of a message known only by number ("0x80").
         numbered: whether a message may be given by number alone.
         listed: fields of messages that inspect may print differently: in another form, or as parts of a frame.
+        elements: of a record, arrays of which its frame holds only a part → names of the elements that are there.
         of_devices: names of messages that only a device sends: they are composed, and not sent to one.
         strings: protocols of the non-frame output of its devices → encoder of such a record; None if the line is
             enough.
@@ -39,6 +40,7 @@ class ProtocolComposer:
     listed: Mapping[str, tuple[Field, ...]] | None = None
     strings: Mapping[str, Callable[[FrameRecord], bytes] | None] = field(default_factory=dict)
     of_devices: frozenset[str] = frozenset()
+    elements: Callable[[FrameRecord], Mapping[str, Sequence[str]]] = lambda record: {}
 
     def command(self, name: str) -> Command | None:
         """A command by name; the $ of a sentence is optional."""

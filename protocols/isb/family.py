@@ -31,7 +31,7 @@ from imuscope.protocols.isb.device_info import identity
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.frames import DATA, build, get_data, scan, stop
 from imuscope.protocols.isb.inspect import IsbFrameLister, detection_score
-from imuscope.protocols.isb.json_codec import frame_from_json
+from imuscope.protocols.isb.json_codec import elements, frame_from_json
 from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, ROWS, set_row
 from imuscope.protocols.isb.mounting import MOUNTING
 from imuscope.protocols.isb.sensors import sensors_of
@@ -49,7 +49,7 @@ def _composer(settings: Mapping[str, Any]) -> ProtocolComposer:
     messages = {name: row.fields for name, row in BY_NAME.items()}
     messages |= {row.name: row.fields for row in map(set_row, range(256))}
     messages |= {row.name: row.fields for row in COMMANDS.values()}
-    return ProtocolComposer("isb", DRIVER, messages, frame_from_json, numbered=False)
+    return ProtocolComposer("isb", DRIVER, messages, frame_from_json, numbered=False, elements=elements)
 
 
 def _position(batch: Batch) -> PositionFix | None:

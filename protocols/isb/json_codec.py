@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.isb.classify import EVENT_TEXT, variant_of
-from imuscope.protocols.isb.dataset_loader import VERSIONS
+from imuscope.protocols.isb.dataset_loader import SETS, VERSIONS, element_size
 from imuscope.protocols.isb.frames import DATA, HEADER, SET_DATA, TRAILER, TYPE_MASK, TYPES, WITH_OFFSET, build
 from imuscope.protocols.isb.messages import (
     BY_NAME,
@@ -101,6 +101,21 @@ def frame_to_json(packet: bytes, version: str | None = None) -> Plain:
     if wire:
         result["wire"] = wire
     return result
+
+
+def elements(record: Mapping[str, Any]) -> dict[str, list[str]]:
+    """See ProtocolComposer.elements: a packet with an offset may begin or end within an array."""
+    wire, dataset = record.get("wire", {}), SETS.get(record.get("id") or 0)
+    if "offset" not in wire or dataset is None or dataset.struct is None:
+        return {}
+    names = {}
+    for field, at in places(int(record["id"]), wire["offset"], wire["size"], version=wire.get("firmware")):
+        whole = dataset.struct.field(field.name)
+        if whole is not None and whole[0].shape != field.shape and field.shape:
+            first = (wire["offset"] + at - whole[1]) // element_size(whole[0])
+            some = range(first, first + field.shape[0])
+            names[field.name] = [whole[0].axes[n] if whole[0].axes else str(n) for n in some]
+    return names
 
 
 def _wire(

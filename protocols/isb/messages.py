@@ -217,6 +217,8 @@ def _cut(field: Field, at: int, offset: int, end: int, count: int | None) -> Pla
     total = math.prod(field.shape)
     first = max(0, -((at - offset) // step))
     stop = (end - at) // step
+    if field.dtype == "ascii":
+        count = None  # a text has the length of its structure; newer firmware adds fields behind it
     stop = min(stop, total) if count is None else min(stop, count) if count >= 0 else stop
     if stop <= first and not (count is not None and stop == first == 0):  # a list may be empty
         return None

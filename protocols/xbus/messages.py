@@ -62,6 +62,8 @@ from imuscope.protocols.xbus.frames import MTDATA2
 # -- shared payloads ---------------------------------------------------------------------------------------------------
 
 _DATA = (Field("data", "bytes", (-1,), doc="Opaque payload."),)
+FAR_M = 1_000.0  # of an antenna: a typing error lies beyond
+LOWEST_M, HIGHEST_M = 11_000.0, 100_000.0  # of a place on, below or above the Earth
 _BAUD = (Field("baudrate_code", "u1", choices=BAUD_CODES, doc="Baud rate, as a code."),)
 _OPTIONS = (Field("flags", ">u4", bits=OPTION_FLAGS, doc="The option flags in effect."),)
 _OPTION_CHANGES = (
@@ -203,7 +205,7 @@ _CAN = (Field("word", ">u4", bits=CAN_WORD, doc="Baud code and enable bit of the
 _PLACE = (
     Field("latitude", ">f8", unit="°", low=-90, high=90, decimals=7, doc="Latitude, for gravity and declination."),
     Field("longitude", ">f8", unit="°", low=-180, high=180, decimals=7, doc="Longitude."),
-    Field("altitude", ">f8", unit="m", decimals=2, doc="Altitude."),
+    Field("altitude", ">f8", unit="m", low=-LOWEST_M, high=HIGHEST_M, decimals=2, doc="Altitude."),
 )
 _PROFILE_LABEL = (
     Field(
@@ -218,7 +220,16 @@ _PROFILE_LABEL = (
 )
 _PLATFORM = (Field("platform", ">u2", choices=GNSS_PLATFORMS, doc="Expected motion of the GNSS receiver."),)
 _LEVER_ARM = tuple(
-    Field(axis, ">f4", unit="m", decimals=3, default=0.0, doc=f"Lever arm, device to GNSS antenna, along {axis}.")
+    Field(
+        axis,
+        ">f4",
+        unit="m",
+        low=-FAR_M,
+        high=FAR_M,
+        decimals=3,
+        default=0.0,
+        doc=f"Lever arm, device to GNSS antenna, along {axis}.",
+    )
     for axis in "xyz"
 )
 _UTC_RANGES = ((0, 10**9), (1999, 2099), (1, 12), (1, 31), (0, 23), (0, 59), (0, 59))  # Table 35

@@ -11,7 +11,7 @@ values are scaled to the unit of their row. Text from a device is escaped so tha
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -41,6 +41,7 @@ NOTES: Mapping[str, str] = {
 
 Line = Mapping[str, Any]
 _NOTHING = Field("")
+NO_PARTS: Mapping[str, Sequence[str]] = {}
 
 
 class InspectTable:
@@ -66,7 +67,9 @@ class InspectTable:
             return head + f"{'—':<{WIDTH}}  {line['reject']}" + (f": {why}" if why else "")
         flags = line.get("flags", {})
         known = self._fields(line["protocol"], line["message"])
-        words = _words(line["fields"], known, flags, "")
+        composer = self._composers.get(line["protocol"])
+        parts = composer.elements(line) if composer is not None else {}
+        words = _words(line["fields"], known, flags, "", parts)
         wire = line.get("wire", {})
         words += _repeated(wire, known.values())
         words += [f"({name} {_shown(wire[name], _NOTHING, {}, '')})" for name in ("bid", "trailing") if name in wire]
@@ -98,13 +101,27 @@ def _rows(composer: ProtocolComposer, message: str) -> tuple[Field, ...]:
     return (composer.listed or {}).get(message) or composer.messages.get(message) or composer.opaque_fields
 
 
-def _words(record: Line, rows: Mapping[str, Field], flags: Mapping[str, list[str]], path: str) -> list[str]:
-    """The values of a record, each with the meaning that it has beside the others."""
+def _words(
+    record: Line,
+    rows: Mapping[str, Field],
+    flags: Mapping[str, list[str]],
+    path: str,
+    parts: Mapping[str, Sequence[str]] = NO_PARTS,
+) -> list[str]:
+    """The values of a record, each with the meaning that it has beside the others.
+
+    Args:
+        parts: arrays of which only some elements are there → names of these.
+    """
     words = []
     for name, value in record.items():
         field = rows.get(name, _NOTHING)
         if field.meaning_of:
             field, value = meant(field, record), signed_number(field, value, record)
+        if name in parts and isinstance(value, list) and "," not in field.unit:
+            some = (f"{part} {_one(one, field, flags, path)}" for part, one in zip(parts[name], value, strict=False))
+            words.append(f"{name} {_with('[' + ', '.join(some) + ']', field.unit)}")
+            continue
         words.append(f"{name} {_shown(value, field, flags, f'{path}{name}')}")
     return words
 

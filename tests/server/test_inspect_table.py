@@ -99,3 +99,20 @@ def test_nothing_invisible_is_printed(text: str) -> None:
     assert json_text({"text": text}).isprintable()
     assert "°" in printable("21 °C")
     assert json_text([1], indent=1).count("\n") == 2
+
+
+def test_elements_of_a_part_of_an_array_are_named(tmp_path: Path) -> None:
+    """A part printed "theta [11.4592, 17.1887]" without which two."""
+    part = isb_packet(DATA, 4, struct.pack("<2f", 0.2, 0.3), offset=24)
+    [line] = rows(part, tmp_path / "part.bin", decode_options("isb"))
+    assert "theta [pitch 11.4592, yaw 17.1887] °" in line
+
+
+def test_a_text_that_grew_ends_at_its_length(tmp_path: Path) -> None:
+    """Four bytes of newer firmware made "hello" a text with 251 zero bytes in it."""
+    payload = struct.pack("<II256s", 0, 0, b"hello") + bytes.fromhex("11223344")
+    packet = isb_packet(DATA, 72, payload)
+    [line] = rows(packet, tmp_path / "text.bin", decode_options("isb"))
+    assert line.endswith("message hello")
+    [record] = rows(packet, tmp_path / "text.bin", decode_options("isb"), format="jsonl")
+    assert json.loads(record)["wire"]["unknown"] == {"264": "11223344"}

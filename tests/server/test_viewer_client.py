@@ -1,4 +1,4 @@
-"""What a viewer's process knows of devices: the names under which it announces them."""
+"""Names under which a viewer's process announces devices."""
 
 from __future__ import annotations
 
