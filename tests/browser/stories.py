@@ -64,7 +64,7 @@ USUAL: dict[str, Answer] = {
     "GET /api/workspaces": {"workspaces": [], "defaults": {}},
     "GET /api/recordings": [],
     "GET /api/recorder": {"op": "recorder", "running": False, "id": "", "title": "", "devices": [], "started": None}
-    | {"bytes": 0, "behind_s": 0.0, "free": None, "seconds_left": None, "message": "", "hint": ""},
+    | {"bytes": 0, "behind_s": 0.0, "free": None, "seconds_left": None, "message": "", "hint": "", "headless": []},
     "GET /api/recorder/memory": [],
     "GET /api/uploads": {"enabled": False, "store": "", "robot": "", "problem": "", "recordings": []},
     "GET /api/map": {"tiles": False, "attribution": ""},

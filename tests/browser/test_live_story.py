@@ -113,7 +113,7 @@ def recorder(story: Story, running: bool) -> dict[str, Any]:
     """State of the recorder after an hour, or when nothing is recorded."""
     began = story.time - 3599 if running else None
     size = {"bytes": 123_456_789, "behind_s": 0.1, "free": 5 * 10**10, "seconds_left": 86_400}
-    more = {"id": "run" if running else "", "title": "", "devices": ["1"], "message": "", "hint": ""}
+    more = {"id": "run" if running else "", "title": "", "devices": ["1"], "message": "", "hint": "", "headless": []}
     return {"op": "recorder", "running": running, "started": began, **size, **more}
 
 
