@@ -92,6 +92,10 @@ export const TEXT = {
   commands: "Commands",
   read: "Read",
   action: "Action",
+  noSettings: (device: Value) => `${device} has no settings: it only sends.`,
+  framesToSend:
+    "Each entry below sends a frame to the device, which is for the test of a receiver. Nothing here reads from it.",
+  toTheDevice: "sent to the device",
 
   // jobs
   queued: "queued",

@@ -236,3 +236,12 @@ test("two pages beside each other have their own edits, level of detail and sear
   expect(right.querySelector<HTMLInputElement>("input[type=search]")?.value).toBe("");
   expect(right.querySelector<HTMLSelectElement>(row)?.value).toBe("100");
 });
+
+/** Regression: seven payloads marked "Action" looked like its settings. */
+test("a sensor without settings is said to have none, and what it would be sent is said to be sent", async () => {
+  await openConfigure("idtp");
+  const list = await until(".commands");
+  expect(find("[role=note]").textContent).toContain("has no settings: it only sends.");
+  expect(list.textContent).not.toContain("Action");
+  expect(list.querySelectorAll("li").length).toBe((list.textContent ?? "").split("sent to the device").length - 1);
+});
