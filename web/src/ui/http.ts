@@ -3,6 +3,7 @@
  */
 import type { AddDeviceRequest, DecodeOptionsBody, PortInfo, ProblemBody, Routes } from "../wire/routes";
 import { isViewOnly } from "../wire/capabilities";
+import { contained, parseForeign } from "../wire/foreign-text";
 import { COMMON } from "../texts/common";
 import { serverRoot } from "./server-place";
 
@@ -68,7 +69,7 @@ export async function request<R extends Route>(route: R, ...input: Arguments<R, 
     return { ok: false, problem: UNREACHED }; // cancelled, or cut off in the middle of the answer
   }
   const isJson = (answer.headers.get("content-type") ?? "").includes("json");
-  return { ok: true, value: (isJson ? parseJson(text) : text === "" ? undefined : text) as Answer<R> };
+  return { ok: true, value: (isJson ? parseJson(text) : text === "" ? undefined : contained(text)) as Answer<R> };
 }
 
 export const UNREACHED: HttpProblem = {
@@ -127,7 +128,7 @@ export async function respond<R extends Route>(
 /** The value of a text in JSON; undefined for any other text. */
 export function parseJson(text: string): unknown {
   try {
-    return JSON.parse(text);
+    return parseForeign(text);
   } catch {
     return undefined;
   }

@@ -14,6 +14,7 @@ import { decode } from "./codec";
 import { ASK_S, Silence, SILENT_S } from "./silence";
 import type { FromWorker, ToWorker } from "./worker-messages";
 import { SUBPROTOCOL, type BrowserText, type Dtype, type ServerText } from "./types";
+import { parseForeign } from "./foreign-text";
 
 /** First and longest wait between attempts, s. Four seconds: a rebooted robot is on screen as soon as it listens. */
 const FIRST_WAIT = 0.25;
@@ -134,7 +135,7 @@ function subscribe(hello: Extract<ServerText, { op: "hello" }>): void {
 function onText(data: string): void {
   let text: ServerText;
   try {
-    text = JSON.parse(data) as ServerText;
+    text = parseForeign(data) as ServerText;
   } catch {
     return post({ kind: "problem", message: TEXT.invalidJson });
   }

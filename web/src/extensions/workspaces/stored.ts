@@ -7,6 +7,7 @@ import { madeFor } from "../../pages/app-state";
 import { accompanied, takeCompanions } from "./companions";
 import { withoutMoment, workspaceOf } from "../../workspace/parts";
 import type { WorkspaceSession } from "../../workspace/session";
+import { parseForeign } from "../../wire/foreign-text";
 
 /** Largest file that is read, bytes: that of the server. */
 const MAX_FILE = 256 * 1024;
@@ -89,7 +90,7 @@ export async function exportFile(session: WorkspaceSession, devices: readonly De
 export async function importFile(session: WorkspaceSession, file: File): Promise<void> {
   let json: unknown;
   try {
-    json = file.size > MAX_FILE ? undefined : JSON.parse(await file.text());
+    json = file.size > MAX_FILE ? undefined : parseForeign(await file.text());
   } catch {
     json = undefined; // told as any file that is no workspace
   }

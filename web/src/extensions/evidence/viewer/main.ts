@@ -3,13 +3,14 @@ import "../../../ui/tokens.css";
 import "./evidence.css";
 import { type Content, embeddedPlots } from "./content";
 import { EvidenceViewer } from "./viewer";
+import { parseForeign } from "../../../wire/foreign-text";
 
 const textOf = (id: string): string => document.getElementById(id)?.textContent ?? "";
 
 function start(): void {
   const host = document.getElementById("plots");
   if (host === null) return;
-  const content = JSON.parse(textOf("content")) as Content;
+  const content = parseForeign(textOf("content")) as Content;
   const light = matchMedia("(prefers-color-scheme: light)");
   const paint = (isPaper: boolean): void => {
     document.documentElement.dataset["theme"] = isPaper || light.matches ? "light" : "dark";
