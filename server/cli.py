@@ -57,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.WARNING, format="imuscope: %(levelname)s: %(message)s")
     try:
         options = parse(words)
+        _check_order(words, options)
         own = extension_commands().get(options.command)
         reads_file = options.command in OF_FILES if own is None else own.reads_file
         with ending_by_exception() if reads_file else contextlib.nullcontext():
@@ -96,6 +97,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 OF_FILES = ("inspect", "decode")
 
 UNWRITABLE = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT)
+
+
+def _check_order(words: Sequence[str], options: argparse.Namespace) -> None:
+    """UsageError for a command after its options, which would be taken for a source."""
+    late = [source for source in getattr(options, "sources", ()) if source in COMMANDS and not os.path.exists(source)]
+    if options.command == "serve" and words[1:2] and words[1].startswith("-") and late:
+        raise UsageError(f"{late[0]} is a command; write it before its options: imuscope {late[0]} {words[1]} …")
 
 
 def _silence() -> None:

@@ -55,6 +55,10 @@ def test_text_that_the_terminal_lacks_is_written_in_ascii(monkeypatch: pytest.Mo
     ("arguments", "words"),
     [
         (("serve", "nothing://x"), "nothing://x"),
+        (
+            ("--port", "8081", "serve", "sim:xbus"),
+            "serve is a command; write it before its options: imuscope serve --port",
+        ),
         (("serve", "--protocol", "morse"), "unknown protocol 'morse'"),
         (("serve", "sim:xbus?protocol=morse"), "unknown protocol 'morse'"),
         (("serve", "--key", "0g"), "a key must be an even number of hex digits"),

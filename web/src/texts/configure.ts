@@ -157,7 +157,7 @@ export const TEXT = {
 
   // setting form
   effectAfterMeasurement: "Takes effect when measurement restarts.",
-  effectAfterRestart: "Takes effect after an automatic restart.",
+  effectAfterRestart: "imuscope restarts the device after the write, which puts it into effect.",
   readAgainHint: (problem: Value, pause: Value) =>
     [problem, pause, "Use “Read again” to query the device."].filter((one) => one !== "").join(" "),
   notReadFromDevice: "Not read from this device yet.",

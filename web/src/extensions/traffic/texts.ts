@@ -21,5 +21,5 @@ export const TEXT = {
   confirmSendBytes: "Send these bytes?",
   bytesToSend: "Bytes to send (hex)",
   bytesPlaceholder: "FA FF 30 00 D1",
-  sentUnchanged: "Sent unchanged: no checksum is added, nothing is validated.",
+  sentUnchanged: "Sent unchanged, without a checksum added. What is known of the bytes is named before they are sent.",
 };
