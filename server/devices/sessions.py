@@ -137,6 +137,7 @@ class Sessions:
         link = self._open_link(source, settings)
         for replacement in self._replacements:
             link = replacement(link)
+        link.distinguish(session.access.link for session in self._sessions.values())
         device = self.names.id_of(source, self._used)
         self._used.add(device)
         session = self._sessions[device] = Session(

@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -260,6 +260,9 @@ class Link(ABC):
             await self.check_rate(baud)
         await self.close()
         await self.open()
+
+    def distinguish(self, others: Iterable[Link]) -> None:  # noqa: B027 - only what is made here can
+        """Differ from other links of its kind, before it is opened: a simulator has a serial number of its own."""
 
     async def check_rate(self, baud: int) -> None:
         """Check that this end of the link supports a rate. Sets it briefly, so bytes that arrive then may be lost.

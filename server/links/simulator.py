@@ -50,7 +50,9 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import count
 
 from imuscope.protocols.plugins import protocol_names
 from imuscope.protocols.simulator.family import SimulatedDevice
@@ -283,12 +285,20 @@ class SimulatorLink(Link):
     ) -> None:
         super().__init__(source, settings)
         self.options = options
-        self._make = make or (lambda start_ns: make_device(options, start_ns, self.settings.decode_options))
+        self._make = make or (lambda start_ns: make_device(self.options, start_ns, self.settings.decode_options))
         self._open_baud = options.faults.baud if baud is None else baud or None
         self._simulator: SimulatorThread | None = None
         self._serial: SerialLink | None = None
         self._device: SimulatedDevice | None = None  # from the last connection, with its stored settings
         self._away_until_s = 0.0
+
+    def distinguish(self, others: Iterable[Link]) -> None:
+        """Take a seed, on which the serial number depends, that no other has of this protocol; a given one stays."""
+        if "seed" in SourceUrl.parse(self.source).options:
+            return
+        alike = [one.options for one in others if isinstance(one, SimulatorLink)]
+        used = {one.seed for one in alike if one.protocol == self.options.protocol}
+        self.options = replace(self.options, seed=next(seed for seed in count() if seed not in used))
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()

@@ -58,6 +58,14 @@ def exported(server: ServerProcess, recording: str, format: str) -> Path:
     return path
 
 
+def test_two_simulators_have_serial_numbers_of_their_own(serve: Serve) -> None:
+    """Both were 0080800001: links, settings and names of one were taken for the other's."""
+    server = serve("sim:xbus?product=MTi-680G", "sim:xbus", "sim:xbus?seed=0")
+    block_until(lambda: all(one["serial_number"] for one in server.ask("GET", "/api/devices")), "all are identified")
+    numbers = [one["serial_number"] for one in server.ask("GET", "/api/devices")]
+    assert numbers == ["0080800001", "0080800002", "0080800001"], "a seed that was given stays"
+
+
 @each_row(
     ("about", "simulated"),
     [
