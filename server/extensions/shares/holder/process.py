@@ -35,6 +35,7 @@ from imuscope.server.extensions.shares.holder.socket_paths import port_link
 from imuscope.server.terminals import standing_at
 
 TICK_S = 0.02
+CALM_S = 0.05  # between two ticks while nobody talks to the device or waits: a tick costs as much as ten frames
 LATE_S = 0.005  # after which a tick has a wake-up of its own: bytes that arrive until then take it along
 STATE_S = 1.0
 GRACE_S = 10.0
@@ -108,7 +109,8 @@ class Holder:
             now = clock()
             if now >= next_tick:
                 self._tick(now)
-                next_tick = now + TICK_S
+                is_calm = self.port.is_open and self.sharing.is_calm and self.arbiter.speaker(now) is None
+                next_tick = now + (CALM_S if is_calm else TICK_S)
             due_at = self.server.connection.due_at if self.server.connection is not None else math.inf
             if due_at <= now:
                 self.server.pass_on()

@@ -71,6 +71,11 @@ class Sharing:
         self._numbers += 1
         return self._numbers
 
+    @property
+    def is_calm(self) -> bool:
+        """Whether no client waits for anything."""
+        return not self._held_back and all(one.wanted_baud is None for one in self.clients.values())
+
     def state(self, now: float) -> list[dict[str, Any]]:
         """The clients, for the server."""
         return [client.state(now) for client in self.clients.values()]
