@@ -10,6 +10,7 @@ for programs that watch over a server (server/api/status_pages.py) are answered 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import json
 import logging
@@ -53,14 +54,20 @@ class Application:
 
         return build_framework(self.services)
 
+    def _early(self, path: str) -> tuple[str, str] | None:
+        """Content type and text of what is answered before the routes are imported; None for other paths."""
+        if path in ("/healthz", "/api/devices"):
+            body = health(self.services) if path == "/healthz" else device_list(self.services)
+            return "application/json", json.dumps(body, ensure_ascii=False, separators=(",", ":"))
+        return (CONTENT_TYPE, metrics_page(self.services)) if path == "/metrics" else None
+
     async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
         if self._routes is None and scope["type"] == "http" and scope["method"] == "GET":
-            if scope["path"] in ("/healthz", "/api/devices"):
-                body = health(self.services) if scope["path"] == "/healthz" else device_list(self.services)
-                await send_text(send, "application/json", json.dumps(body, ensure_ascii=False, separators=(",", ":")))
-                return
-            if scope["path"] == "/metrics":
-                await send_text(send, CONTENT_TYPE, metrics_page(self.services))
+            early: tuple[str, str] | None = None
+            with contextlib.suppress(Exception):  # the routes report it
+                early = self._early(scope["path"])
+            if early is not None:
+                await send_text(send, *early)
                 return
         if self._routes is None:
             if self._opening is None:
