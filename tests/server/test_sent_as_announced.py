@@ -6,7 +6,7 @@ preview.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,13 @@ import pytest
 
 from imuscope.server.configuration.api_models import PreviewResult
 from imuscope.server.configuration.change_plan import plan_changes, plan_command
+from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.configuration.jobs import Jobs
 from imuscope.server.configuration.preview import preview_command, preview_setting
 from imuscope.server.configuration.rollback import RollbackRun
+from imuscope.server.configuration.settings_procedures import SettingsSnapshot
+from imuscope.server.configuration.settings_reader import SettingsReader
+from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.errors import DomainError
 from tests.server.control_harness import BRIEFEST, house_of, over
 from tests.server.logging_device import DEVICES, LoggingDevice, first_value, other_values
@@ -61,9 +66,20 @@ async def _write_each_setting(device: LoggingDevice) -> set[str]:
     return written
 
 
+class KnownSettings(SettingsReader):
+    """It takes the settings as they are known: what is read before a command is not the subject here."""
+
+    async def read_settings(
+        self, controller: DeviceController, task: QueuedJob, names: Sequence[str] | None
+    ) -> SettingsSnapshot:
+        return SettingsSnapshot(controller.context, dict(controller.values))
+
+
 async def _run_each_command(device: LoggingDevice) -> set[str]:
     """Commands that were run."""
-    desk, jobs, run = device.desk, device.here.desks.jobs, set[str]()
+    desk, desks, run = device.desk, device.here.desks, set[str]()
+    reader = KnownSettings(desks.snapshots, desks.rollbacks)
+    jobs = Jobs(reader, desks.rollbacks, ConfigurationTimings())
     before = desk.values
     for row in sorted(desk.driver.commands(desk.context), key=lambda one: one.kind):  # those that ask first
         if row.kind != "ask":
@@ -81,7 +97,7 @@ async def _run_each_command(device: LoggingDevice) -> set[str]:
         options = {"changes": request.changes, "restarts": request.restarts}
         work = jobs.run(desk, row.name, values, **options)
         if request.setting:
-            work = jobs.apply(desk, request.values, "")
+            work = desks.jobs.apply(desk, request.values, "")
         await _compare(device, (row.name, values), announced, work)
         run.add(row.name)
     return run
