@@ -8,7 +8,7 @@
 The yardsticks, in the same run on the same machine: socat between the same two terminals, and no program at all (the
 driver reads the device's own terminal), i.e. what the kernel and this machine's scheduling alone cost.
 
-Budget: p99 at most 1 ms added at 2 kHz; the holder at most 1.5 times the processor time of socat, and 15 MB.
+Budget: p99 at most 1 ms added at 2 kHz; the holder at most 1.5 times the processor time of socat.
 """
 
 from __future__ import annotations

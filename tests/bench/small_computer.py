@@ -55,7 +55,7 @@ GOALS: dict[str, dict[str, float]] = {
     "recorded": {"core_share": 0.02},
     "watched": {"core_share": 0.12},
     "memory": {"unwatched_mb": 90, "watched_mb": 180},
-    "holder": {"ratio": 1.2, "memory_mb": 12},
+    "holder": {"ratio": 1.5, "memory_mb": 12},
     "start": {"page_s": 3, "samples_s": 4},
     "overload": {"whole": 1.0, "told": 1.0},
 }

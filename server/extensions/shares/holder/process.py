@@ -35,7 +35,7 @@ from imuscope.server.extensions.shares.holder.socket_paths import port_link
 from imuscope.server.terminals import standing_at
 
 TICK_S = 0.02
-CALM_S = 0.05  # between two ticks while nobody talks to the device or waits: a tick costs as much as ten frames
+CALM_S = 0.05  # between two ticks while no client talks to the device or waits: one costs as much as ten frames
 LATE_S = 0.005  # after which a tick has a wake-up of its own: bytes that arrive until then take it along
 STATE_S = 1.0
 GRACE_S = 10.0
