@@ -54,6 +54,10 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
     "check.py": ({"clock": 2}, "the time of each part is reported"),
     "chromium.py": ({"clock": 2, "wait": 1}, "the end of patience; a look now and then"),
     "fault_injection/ending.py": ({"clock": 2}, "the time an end took is reported"),
+    "fault_injection/watched_server.py": ({"clock": 2, "wait": 1}, "processor time of the server between two beats"),
+    "extensions/shares/test_relay.py": ({"clock": 2}, "the relay runs until a time; stamps lie before now"),
+    "extensions/ros2/test_promised_names.py": ({"wait": 1}, "a wait for a name, which the server's clock ends"),
+    "server/test_foreign_files.py": ({"wait": 2}, "a call that does not end; calls that have begun"),
     "fault_injection/test_links.py": (
         {"clock": 2, "wait": 1},
         "the server's own process stands still; time is counted beside what it reports",

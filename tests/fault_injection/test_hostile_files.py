@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -97,13 +96,11 @@ def test_hostile_files_harm_neither_the_server_nor_a_recording(tmp_path: Path) -
             assert not wrong, "\n".join(wrong)
         assert client.get("/healthz").status_code == 200
         grown_mb = resident_mb(pid) - before_mb
-        began = time.monotonic()
         server.process.terminate()
         assert server.process.wait(PATIENCE_S) in (0, 143, -signal.SIGTERM)
-        took_s = time.monotonic() - began
         block_until(lambda: "held at most" in server.log, "the server says what held it")
     held_s = float(re.search(r"held at most ([\d.]+) ms", server.log)[1]) / 1e3  # type: ignore[index]
-    print(f"held {held_s * 1e3:.0f} ms, grew by {grown_mb:.0f} MB, ended in {took_s:.1f} s")
+    print(f"held {held_s * 1e3:.0f} ms, grew by {grown_mb:.0f} MB")
     [path] = (server.data / "recordings").glob("*Z-*.mcap")
     counter = np.asarray(imuscope.open(path)["PacketCounter"].values).astype(int)
     assert len(counter) > 1000
