@@ -28,6 +28,8 @@ JOBS = """change => { const {store} = window.imuscope;
   store.receive({kind: "text", text: {op: "jobs", devices}}); }"""
 BUSY = {"id": 9, "device": "1", "title": "Write profile", "state": "running", "step": "", "message": "", "hint": ""}
 BUSY |= {"snapshot": "", "values": {}, "outcomes": [], "started": 1.0, "ended": None}
+GRAVITY = {"kind": "expression", "expression": "norm(Acceleration) > 1 m/s²"}
+"""Of an alarm that is raised all the time."""
 NAMES = {"←": "ArrowLeft", "→": "ArrowRight", "−": "-", "Esc": "Escape", "/": "/"}
 RULES = RouteRules()
 RULES.add((), ANALYSIS.read_only_posts)
@@ -93,6 +95,8 @@ def test_no_key_of_a_page_that_did_not_write_reaches_the_device(
         # as fast as these come, a marker may be for a recording that has just ended, which the console would report
         page.route("**/api/recordings/mark", lambda route: route.fulfill(json={}))
         keys = documented_keys(page)
+        server.ask("POST", "/api/alarms", {"name": "Gravity", "condition": GRAVITY})
+        until(page, "document.querySelector('.alarm-row .tag') !== null")
         new = {"LocationID": {"location_id": 7}}
         server.ask("POST", "/api/devices/1/apply", {"changes": new, "confirmed": True, "confirm_s": 600.0})
         until(page, "document.querySelector('.pending-rollback b')?.textContent > 0")
@@ -105,6 +109,6 @@ def test_no_key_of_a_page_that_did_not_write_reaches_the_device(
         }
         for state, (script, change) in states.items():
             page.evaluate(script, change)
-            for place in ("#/", "#/configure/1"):
+            for place in ("#/", "#/configure/1", "#/configure/1/compare/~factory"):
                 pressed_everywhere(page, keys, place)
                 assert (state, place, changes, heard_by(device)[len(heard) :]) == (state, place, [], b"")
