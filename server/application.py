@@ -55,7 +55,7 @@ class Application:
         return build_framework(self.services)
 
     def _early(self, path: str) -> tuple[str, str] | None:
-        """Content type and text of what is answered before the routes are imported; None for other paths."""
+        """Content type and text of an answer before the routes are imported; None for other paths."""
         if path in ("/healthz", "/api/devices"):
             body = health(self.services) if path == "/healthz" else device_list(self.services)
             return "application/json", json.dumps(body, ensure_ascii=False, separators=(",", ":"))

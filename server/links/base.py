@@ -261,7 +261,7 @@ class Link(ABC):
         await self.close()
         await self.open()
 
-    def distinguish(self, others: Iterable[Link]) -> None:  # noqa: B027 - only what is made here can
+    def distinguish(self, others: Iterable[Link]) -> None:  # noqa: B027 - only simulators can
         """Differ from other links of its kind, before it is opened: a simulator has a serial number of its own."""
 
     async def check_rate(self, baud: int) -> None:
