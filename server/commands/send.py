@@ -9,7 +9,8 @@ the config state and back), and prints the reply as a line of JSON; a written se
 second line. The name of a setting instead of a message reads the setting, or writes the given fields.
 
 Commands that lose settings, stop output or cut the line need --yes. If the device refuses, does not answer or is
-missing, one line is printed and the exit status is 1.
+missing, one line is printed and the exit status is 1. A command that is killed leaves the frames that put the device
+back; the next one, or a server, sends them first (server/configuration/put_back.py).
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ from imuscope.protocols.transactions import (
     Values,
 )
 from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, names_elements, parse
+from imuscope.server.config import default_data
+from imuscope.server.configuration.put_back import PUT_BACK, WAITING, PutBackStore
 from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.configuration.value_checks import problems_of, without_current_values
@@ -47,7 +50,7 @@ from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.end_signals import end_signals
 from imuscope.server.errors import UsageError
 from imuscope.server.links import open_link
-from imuscope.server.links.base import Link, LinkError, LinkSettings, steady_clock
+from imuscope.server.links.base import Link, LinkError, LinkSettings, OwedFrames, steady_clock
 from imuscope.server.printable import json_text
 from imuscope.server.tasks import end_tasks
 
@@ -72,7 +75,7 @@ class LinkChannel:
     """A link and a decoder without a server: the interface that a Runner needs."""
 
     def __init__(self, link: Link, make: Callable[[], Decoder], device: str = "") -> None:
-        self._link = link
+        self.link = self._link = link
         self._device = device
         self._make = make
         self._decoder = self._fresh()
@@ -162,6 +165,9 @@ async def send(request: SendRequest, reading: DecodeOptions, out: TextIO, notes:
             request.source,
             LinkSettings(steady_clock(), protocol=reading.protocol or guess.name, decode_options=reading.values),
         )
+        store = PutBackStore(default_data() / PUT_BACK)
+        owed = next((one for one in await asyncio.to_thread(store.all) if one.source == request.source), None)
+        link.owed = OwedFrames(owed.baud, WAITING) if owed is not None else None
         await link.open()
         try:
             name, first = await _detect_protocol(link, reading.protocol, guess.name)
@@ -174,9 +180,11 @@ async def send(request: SendRequest, reading: DecodeOptions, out: TextIO, notes:
             channel = LinkChannel(link, lambda: row.decoding.decoder(**reading.settings(name)), request.device)
             channel.start(first)
             try:
+                for frame in owed.frames if owed is not None else ():  # an earlier command was killed
+                    await channel.send(bytes.fromhex(frame))
                 device = await _choose_device(channel, request.device)
                 known = DeviceContext(baud=link.baud, settings=reading.settings(name), device=device)
-                await _transact(_SendContext(composer, request, known), channel, out, notes)
+                await _transact(_SendContext(composer, request, known, store), channel, out, notes)
             finally:
                 await channel.close()
         finally:
@@ -264,11 +272,18 @@ class _SendContext:
     composer: ProtocolComposer
     request: SendRequest
     known: DeviceContext
+    store: PutBackStore
 
 
 async def _transact(context: _SendContext, channel: LinkChannel, out: TextIO, notes: TextIO) -> None:
     driver, request = context.composer.driver, context.request
-    runner = Runner(channel, NullTrafficListener())
+
+    async def keep(frames: Sequence[bytes]) -> None:
+        """Store how to put the device back, for the next command or server; a simulator does not outlast this one."""
+        if channel.link.kind not in ("simulator", "file"):
+            await asyncio.to_thread(context.store.keep, request.source, "", frames, channel.link.baud)
+
+    runner = Runner(channel, NullTrafficListener(), put_back=keep, confirms=driver.confirms)
 
     async def play(body: Transaction[T]) -> T:
         return await runner.run(driver.within(body, known))

@@ -18,7 +18,7 @@ from imuscope.protocols.transactions import DeviceDriver
 from imuscope.server import previous_names
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.jobs import Jobs
-from imuscope.server.configuration.put_back import PutBackStore
+from imuscope.server.configuration.put_back import PUT_BACK, PutBackStore
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.snapshots import Snapshots
@@ -71,7 +71,7 @@ class ControllerRegistry:
         self.snapshots = Snapshots(data / "snapshots", self._formerly)
         previous_names.rename_folder(data / "trials", data / "rollbacks")
         self.rollbacks = RollbackStore(data / "rollbacks")
-        self.put_back = PutBackStore(data / "put-back")
+        self.put_back = PutBackStore(data / PUT_BACK)
         self._timings = timings
         self.reader = SettingsReader(self.snapshots, self.rollbacks)
         self.jobs = Jobs(self.reader, self.rollbacks, timings)

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("imuscope.put_back")
 
+PUT_BACK = "put-back"  # folder in the data folder
 LONGEST_S = 10.0  # between two attempts at an open link
 MOST_TRIES = 5  # at a device that answers, but not to these frames
 WAITING = "A read or a write was interrupted: the device is put back into its state as soon as it answers."

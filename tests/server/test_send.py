@@ -126,3 +126,21 @@ def test_a_field_of_the_command_that_writes_a_setting_is_found() -> None:
     words = refused("sim:xbus", "OptionFlags", "set_flags=DisableAutoStore")
     assert "unknown field 'set_flags'" in words
     assert words.endswith("the command SetOptionFlags has it.")
+
+
+def test_a_device_of_a_command_that_was_killed_measures_again_with_the_next() -> None:
+    """It left the device silent, and the next command took it for one at rest."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(PATIENCE_S)
+        source = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        for is_killed in (True, False):
+            process = begun("send", source, "LocationID", "--protocol", "xbus", apart=True)
+            device, _ = listener.accept()
+            with device:
+                device.settimeout(PATIENCE_S)
+                received = b""
+                while (build(GO_TO_CONFIG) if is_killed else build(GO_TO_MEASUREMENT)) not in received:
+                    received += device.recv(100)
+                process.kill()
+                process.communicate(timeout=PATIENCE_S)
+        assert received.startswith(build(GO_TO_MEASUREMENT))
