@@ -18,7 +18,7 @@
     foxglove = 8765             # serve the Foxglove protocol, on this loopback port and at /foxglove
     rerun_connect = "rerun+http://desk.local:9876/proxy"  # stream to this Rerun viewer
     ros2 = true                 # devices as nodes of ROS 2, through the Zenoh router at ros2_router
-    ros2_frames = { "MTi-680G" = "imu_link" }  # frame_id of devices
+    ros2_frames = { "/dev/ttyUSB0" = "imu_link" }  # frame_id of devices, by their source
     log_format = "json"         # for programs; "text" for reading
     log_level = "info"          # debug, info, warning, error
     allowed_hosts = ["robot.example"]
