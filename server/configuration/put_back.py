@@ -185,7 +185,8 @@ class PutBackTask:
                 backoff.reset()
                 continue
             async with self._controller.member.listeners.turn:
-                await self._attempt()
+                if self._left:  # a user may have taken the device over by now
+                    await self._attempt()
 
     async def _attempt(self) -> None:
         protocol = self._controller.member.info.protocol
