@@ -1,17 +1,17 @@
 """Noise of the sensors of MTi products, and the accuracy of their attitude.
 
     series      gyroscopes                accelerometers           roll and pitch; heading
-    1                                                              0.5°; 2° (MTi-3), 1.5° (MTi-7)
+    1           -                         -                        -
     10          0.03 °/s/√Hz, 18 °/h      60 µg/√Hz, 15 µg         0.5°; 1° (MTi-30)
-    100         0.01 °/s/√Hz, 10 °/h      60 µg/√Hz, 15 µg         0.2°; 1° (MTi-300), 0.8° (MTi-G-710)
-    600         0.007 °/s/√Hz, 8 °/h      60 µg/√Hz, 15 µg         0.2°; 1° (MTi-630), 0.8° (MTi-670), 0.5° (MTi-680G)
+    100         0.01 °/s/√Hz, 10 °/h      60 µg/√Hz, 15 µg         0.2°; 1° (MTi-300)
+    600         0.007 °/s/√Hz, 8 °/h      60 µg/√Hz, 15 µg         -
 
 The second figure of a sensor is its in-run bias stability. An IMU has no attitude, and the heading of a VRU is not
-referenced. The body's axes are x forward, y left, z up, as printed on
-the housing.
+referenced. A dash stands for a figure that no document at hand gives; a covariance that needs it is unknown.
+The body's axes are x forward, y left, z up, as printed on the housing.
 
 Source: MTi 10-series and MTi 100-series User Manual, MT0605P, sensor specifications; product sheet of the MTi-300
-(Movella, May 2023); MTi 600-series Datasheet, MT1603P 2020.A; MTi 1-series Datasheet, MT0512P 2019.A.
+(Movella, May 2023); MTi 600-series Datasheet, MT1603P 2020.A.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def _series(turn: float, turn_bias: float) -> SensorProperties:
 
 
 _BY_SERIES = {1: SensorProperties(), 10: _series(0.03, 18), 100: _series(0.01, 10), 600: _series(0.007, 8)}
-_TILT = {1: 0.5, 10: 0.5, 100: 0.2, 600: 0.2}  # °, by series
-_HEADING = {3: 2.0, 7: 1.5, 30: 1.0, 300: 1.0, 710: 0.8, 630: 1.0, 670: 0.8, 680: 0.5}  # °, by model
+_TILT = {10: 0.5, 100: 0.2}  # °, by series
+_HEADING = {30: 1.0, 300: 1.0}  # °, by model
 
 
 def sensors_of(product: str) -> SensorProperties:
@@ -45,5 +45,5 @@ def sensors_of(product: str) -> SensorProperties:
     model = model_of(product)
     if model is None:
         return SensorProperties()
-    tilt = radians(_TILT[model.series]) if model.kind != "IMU" else 0.0
+    tilt = radians(_TILT.get(model.series, 0.0)) if model.kind != "IMU" else 0.0
     return replace(_BY_SERIES[model.series], tilt=tilt, heading=radians(_HEADING.get(model.number, 0.0)))

@@ -14,11 +14,11 @@ from tests.each_row import each_row
 @each_row(
     ("product", "turn", "acceleration", "heading"),
     [
-        ("MTi-630-8A1G6", 0.007, 60, 1),
+        ("MTi-630-8A1G6", 0.007, 60, 0),
         ("MTi-300-2A8G4", 0.01, 60, 1),
         ("MTi-100-2A8G4", 0.01, 60, 0),
         ("MTi-10-2A5G4", 0.03, 60, 0),
-        ("MTi-3-8A7G6", 0, 0, 2),
+        ("MTi-3-8A7G6", 0, 0, 0),
         ("", 0, 0, 0),
     ],
 )

@@ -129,7 +129,7 @@ def test_covariances_are_set_by_hand_or_taken_from_a_measurement(tmp_path: Path)
 
 @each_row(
     ("product", "tilt", "heading"),
-    [("MTi-300", 0.2, 1.0), ("MTi-630-8A1G6", 0.2, 1.0), ("MTi-620", 0.2, 0.0), ("MTi-610", 0.0, 0.0), ("X", 0, 0)],
+    [("MTi-300", 0.2, 1.0), ("MTi-30", 0.5, 1.0), ("MTi-20", 0.5, 0.0), ("MTi-100", 0.0, 0.0), ("MTi-630-8A1G6", 0, 0)],
 )
 def test_a_data_sheet_has_the_accuracy_of_the_attitude(product: str, tilt: float, heading: float) -> None:
     sensors = PROTOCOLS["xbus"].device.sensors(product)
