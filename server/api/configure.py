@@ -142,10 +142,11 @@ async def apply(
     if len(targets) > 1:
         names = ", ".join(f"{one.member.info.name} {one.context.serial_number}".strip() for one in targets)
         others.insert(0, Risk("", SEVERAL.format(count=len(targets), names=names)))
-        is_temporary = any(danger.caution == "cuts-line" for request in requests for danger in request.risks)
-        if is_temporary or body.confirm_s is not None:
-            others.append(Risk("", TEMPORARY.format(seconds=body.confirm_s or controllers.rollback_s)))
-    confirmed([*others, *(danger for request in requests for danger in request.risks)], body.confirmed)
+    is_temporary = any(danger.caution == "cuts-line" for request in requests for danger in request.risks)
+    risks = [*others, *(danger for request in requests for danger in request.risks)]
+    if is_temporary or (others and body.confirm_s is not None):
+        risks.append(Risk("", TEMPORARY.format(seconds=body.confirm_s or controllers.rollback_s)))
+    confirmed(risks, body.confirmed)
     base = {name: numbers(row.fields, body.base[name]) for name, row in controller.rows.items() if name in body.base}
     tasks = [
         one.add(

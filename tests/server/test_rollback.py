@@ -329,8 +329,10 @@ def test_a_server_killed_in_the_middle_of_a_trial_goes_back_when_it_starts_again
             http.post("/api/devices/1/read", json={})
             answers(http, lambda: http.get("/api/devices/1/values").json()["values"])
             values = http.get("/api/devices/1/values").json()["values"]["PortConfig"]
-            body = {"changes": {"PortConfig": at_rate(values, FAST)}, "confirmed": True}
-            assert http.post("/api/devices/1/apply", json=body).status_code == 202
+            body = {"changes": {"PortConfig": at_rate(values, FAST)}, "confirm_s": 25}
+            question = http.post("/api/devices/1/apply", json=body).json()["message"]
+            assert "is rolled back unless confirmed within 25 s of the device's answer." in question
+            assert http.post("/api/devices/1/apply", json={**body, "confirmed": True}).status_code == 202
             answers(http, lambda: rollback_state(http) == "pending")
             first.process.kill()
         assert there.device is not None

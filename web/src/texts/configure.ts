@@ -20,7 +20,6 @@ export const TEXT = {
   editAgain: "Edit again",
   confirmWrite: "Write these changes?",
   confirmCommand: (title: Value) => `Send “${title}”?`,
-  rollbackNotice: "The change is temporary: it is rolled back unless confirmed within 20 s of the device's answer.",
   writeThenConfirm: "Write, then confirm",
   write: "Write",
 

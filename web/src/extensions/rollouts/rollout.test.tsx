@@ -67,6 +67,7 @@ test("a profile goes to the chosen device with that device's own differences, an
   const differs = { ...row, left: "100 Hz", right: "50 Hz", left_value: 100, right_value: 50 };
   const gnss = { ...differs, path: "outputs.4", key: "OutputConfiguration/outputs.4", title: "GNSS solution" };
   const profile = { OutputConfiguration: { outputs: [] } };
+  const dangers = ["The change is temporary: it is rolled back unless confirmed within 30 s."];
   const unread = { ...VALUES, info: { ...VALUES.info, taken: 0 } };
   let third = unread;
   const page = await openConfigure("xbus", {
@@ -75,7 +76,7 @@ test("a profile goes to the chosen device with that device's own differences, an
       "POST /api/devices/1/compare": equal,
       "GET /api/devices/2/values": VALUES,
       "GET /api/devices/3/values": () => third,
-      "POST /api/devices/2/compare": comparing({ ...equal, rows: [differs, gnss], profile, temporary: true }),
+      "POST /api/devices/2/compare": comparing({ ...equal, rows: [differs, gnss], profile, temporary: true, dangers }),
       "POST /api/devices/3/compare": { ...equal, dangers: ["The profile is of “MTi-680G”."] },
       "POST /api/devices/3/read": job(1, { device: "3", state: "waiting" }),
       "POST /api/devices/xbus-2/apply": job(5, { device: "2", state: "waiting" }),
@@ -113,7 +114,7 @@ test("a profile goes to the chosen device with that device's own differences, an
   expect(bodiesOf(page, "/api/devices/2/compare").at(-1)).toMatchObject({ take: { [KEY]: true }, take_rest: false });
   fireEvent.click(button("Apply this profile"));
   const question = within(await screen.findByRole("dialog"));
-  const words = `${one.name} · 2: 1 value (Acceleration). The change is temporary: it is rolled back unless confirmed`;
+  const words = `${one.name} · 2: 1 value (Acceleration). The change is temporary: it is rolled back unless confirmed within 30 s.`;
   expect(find("dialog").textContent).toContain(words);
   expect(page.asked.some(({ path }) => path.endsWith("/apply"))).toBe(false);
   fireEvent.click(question.getByRole("button", { name: "Write, then confirm" }));

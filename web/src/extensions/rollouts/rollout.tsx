@@ -392,10 +392,7 @@ function ask(
     about: "",
     words: found.map(({ device, check }) => {
       const values = check.rows.flatMap((row) => (row.take ? [row.title] : []));
-      const temporary = check.temporary ? [CONFIGURE.rollbackNotice] : [];
-      return [TEXT.rolloutOf(fullName(device), values.length, values.join(", ")), ...check.dangers, ...temporary].join(
-        " ",
-      );
+      return [TEXT.rolloutOf(fullName(device), values.length, values.join(", ")), ...check.dangers].join(" ");
     }),
     caution: isTemporary ? "cuts-line" : "",
     go: isTemporary ? CONFIGURE.writeThenConfirm : TEXT.writeProfile,

@@ -118,7 +118,7 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
     model.page.question.value = {
       title: TEXT.confirmWrite,
       about: model.fullName,
-      words: [outcome.problem.message, ...(temporary ? [TEXT.rollbackNotice] : [])],
+      words: [outcome.problem.message],
       caution: caution ?? (temporary ? "cuts-line" : "restarts"),
       go: temporary ? TEXT.writeThenConfirm : TEXT.write,
       act: () => void apply(model, names, true),
