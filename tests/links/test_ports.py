@@ -59,7 +59,7 @@ async def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatc
         infos = await ports.scan(
             [bench.slave, silent.path, taken.path, refused.path, "/dev/ttyNope"],
             progress=lambda device, one: told.append(device),
-            windows=ScanWindows(0.1, 0.05),
+            windows=ScanWindows(0.6, 0.05),  # a busy machine lets a device wait for 0.1 s
         )
         speaking, quiet, busy, denied, absent = infos
         assert [one.what for one in speaking.attempts] == ["115 200 Bd", "921 600 Bd"]

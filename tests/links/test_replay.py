@@ -93,7 +93,7 @@ def test_a_stretch_and_a_loop(tmp_path: Path) -> None:
 
 
 def test_devices_that_are_opened_together_keep_step(tmp_path: Path) -> None:
-    path = recording(tmp_path, frames=30)
+    path = recording(tmp_path, frames=200)  # 2 s: longer than the process of the second takes to start
 
     async def both() -> list[list[Chunk]]:
         first, second = (open_link(f"{path}?device={n}", settings()) for n in (1, 2))
@@ -103,7 +103,7 @@ def test_devices_that_are_opened_together_keep_step(tmp_path: Path) -> None:
                 return [(await drained(link))[0] for link in (first, second)]
 
     one, two = asyncio.run(both())
-    assert (joined(one), joined(two)) == (of(1, 0, 30), of(2, 0, 30))
+    assert (joined(one), joined(two)) == (of(1, 0, 200), of(2, 0, 200))
     late = [b.arrival_ns - a.arrival_ns for a, b in zip(one, two, strict=True)]
     assert late[0] > 100_000_000
     assert min(late) < 50_000_000  # … and catches up

@@ -27,16 +27,18 @@ def test_of_two_holders_that_begin_at_once_one_is_found(tmp_path: Path, monkeypa
     path = str(tmp_path / "port.sock")
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as killed:
         killed.bind(path)
-    remove, lock, here, one_listens = os.unlink, fcntl.flock, list[int](), threading.Event()
+    remove, lock, begun, ahead, one_listens = os.unlink, fcntl.flock, set[int](), list[int](), threading.Event()
 
     def flock(folder: int, how: int) -> None:
-        here.append(threading.get_ident())
+        begun.add(threading.get_ident())
         lock(folder, how)
+        ahead.append(threading.get_ident())
 
     def unlink(place: str) -> None:
-        here.append(threading.get_ident())
-        block_until(lambda: len(set(here)) == 2, "both have begun")
-        if threading.get_ident() != here[0]:
+        begun.add(threading.get_ident())
+        ahead.append(threading.get_ident())
+        block_until(lambda: len(begun) == 2, "both have begun")
+        if threading.get_ident() != ahead[0]:
             assert one_listens.wait(PATIENCE_S)
         remove(place)
 
