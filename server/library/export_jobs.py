@@ -226,16 +226,16 @@ class ExportJobs:
     async def _written(self, job: _Job, title: str) -> list[Path]:
         """Write the export; again if the server has compacted the recording since the first attempt began."""
         recording = job.published.recording
-        await self._columns.opened(recording)
-        store = self._columns.store_of(recording)
-        try:
-            return await self._run(job, title)
-        except RecordingError:
-            if self._columns.store_of(recording) == store:
-                raise
-        await self._columns.opened(recording)
-        await asyncio.to_thread(shutil.rmtree, job.folder, ignore_errors=True)
-        return await self._run(job, title)
+        for attempts_left in (2, 1, 0):
+            await self._columns.opened(recording)
+            store = self._columns.store_of(recording)
+            try:
+                return await self._run(job, title)
+            except RecordingError:
+                if not attempts_left or self._columns.store_of(recording) == store:
+                    raise
+            await asyncio.to_thread(shutil.rmtree, job.folder, ignore_errors=True)
+        raise AssertionError("the last attempt returns or raises")
 
     async def _run(self, job: _Job, title: str) -> list[Path]:
         """Write the export in a subprocess."""

@@ -48,7 +48,7 @@ def test_a_recording_that_is_compacted_during_its_export_is_exported_again(
 
         state = block_until(done, "the export is finished")
     assert state["state"] == "done", state["message"]
-    assert len(attempts) == 2
+    assert 2 <= len(attempts) <= 3  # three if the server compacts it meanwhile, too
 
 
 def test_results_leave_space_for_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
