@@ -23,6 +23,7 @@ import logging
 import os
 import sys
 from collections.abc import Callable, Generator, Iterator
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 
 ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
+_test_numbers = count(1)
 LOG_LINES = 40  # of a server, in the report of a test that failed
 
 READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.length > 20)
@@ -125,10 +127,20 @@ def pytest_worker_ends() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def data_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A default data folder that is not the one of the user who runs the tests."""
+def shared_data_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A default data folder of what several tests share that is not the one of the user who runs the tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("home")))
+        yield
+
+
+@pytest.fixture(autouse=True)
+def data_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A default data folder of each test: a transaction that an earlier one interrupted opens its device in no later
+    one. Made by whoever writes there.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_DATA_HOME", str(tmp_path_factory.getbasetemp() / f"home-{next(_test_numbers)}"))
         yield
 
 

@@ -30,6 +30,14 @@ def test_a_relative_data_folder_is_found_from_everywhere() -> None:
     assert load(data=Path("data")).data == Path.cwd() / "data"
 
 
+@pytest.mark.parametrize("when", ["first", "second"])
+def test_the_default_data_folder_of_a_test_has_nothing_of_an_earlier_one(when: str) -> None:
+    """Regression of the tests: a server opened the devices whose transactions an earlier test had left interrupted."""
+    assert not (folder := load().data).exists()
+    folder.mkdir(parents=True)
+    (folder / "devices.json").write_text(when)
+
+
 def test_a_name_that_is_not_utf_8_is_kept() -> None:
     config = load(sources=["/x/\udcff.bin"], data=Path("/x/\udcff"))
     assert (config.sources, config.data) == (("/x/\udcff.bin",), Path("/x/\udcff"))
