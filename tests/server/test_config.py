@@ -33,7 +33,8 @@ def test_a_relative_data_folder_is_found_from_everywhere() -> None:
 @pytest.mark.parametrize("when", ["first", "second"])
 def test_the_default_data_folder_of_a_test_has_nothing_of_an_earlier_one(when: str) -> None:
     """Regression of the tests: a server opened the devices whose transactions an earlier test had left interrupted."""
-    assert not (folder := load().data).exists()
+    folder = load().data
+    assert not folder.exists()
     folder.mkdir(parents=True)
     (folder / "devices.json").write_text(when)
 
