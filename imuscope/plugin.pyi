@@ -2,6 +2,8 @@
 
 # Version of these names.
 from imuscope.protocols import rotations as rotations
+from imuscope.protocols.arrays import Bytes as Bytes
+from imuscope.protocols.arrays import Ints as Ints
 from imuscope.protocols.composer import ProtocolComposer as ProtocolComposer
 from imuscope.protocols.decode_options import DecodeOption as DecodeOption
 from imuscope.protocols.editor_choices import RateTable as RateTable
@@ -41,8 +43,6 @@ from imuscope.protocols.framing import ID as ID
 from imuscope.protocols.framing import OFFSET as OFFSET
 from imuscope.protocols.framing import SIZE as SIZE
 from imuscope.protocols.framing import TRUNCATED as TRUNCATED
-from imuscope.protocols.framing import Bytes as Bytes
-from imuscope.protocols.framing import Ints as Ints
 from imuscope.protocols.layouts import EncodeError as EncodeError
 from imuscope.protocols.layouts import Layout as Layout
 from imuscope.protocols.layouts import pack as pack
@@ -76,13 +76,13 @@ from imuscope.protocols.transactions import Transaction as Transaction
 from imuscope.protocols.transactions import Values as Values
 from imuscope.protocols.transactions import WaitFor as WaitFor
 from imuscope.protocols.transactions import WriteResult as WriteResult
+from imuscope.recordings.errors import RecordingError as RecordingError
 
 # Exporters and analyses.
 from imuscope.recordings.exporters.registry import ExportFormat as ExportFormat
 from imuscope.recordings.exporters.registry import register_exporter as register_exporter
 from imuscope.recordings.exporters.request import ExportRequest as ExportRequest
 from imuscope.recordings.exporters.request import ExportStep as ExportStep
-from imuscope.recordings.mcap_writer import RecordingError as RecordingError
 from imuscope.recordings.readers.registry import FileReader as FileReader
 from imuscope.recordings.readers.registry import OpenRequest as OpenRequest
 from imuscope.recordings.readers.registry import register_reader as register_reader

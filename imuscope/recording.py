@@ -326,7 +326,7 @@ class Recording:
         Raises:
             ImuscopeError: it is unknown, or does not apply.
         """
-        from imuscope.recordings.explained_error import ExplainedError
+        from imuscope.recordings.errors import ExplainedError
         from imuscope.server.extensions.analysis.analyse import AnalyseRequest, reports_of
 
         texts = tuple(f"{name}={value}" for name, value in options.items())
@@ -358,7 +358,7 @@ class Recording:
         Raises:
             ImuscopeError: the format is unknown, or the part is empty.
         """
-        from imuscope.recordings.explained_error import ExplainedError
+        from imuscope.recordings.errors import ExplainedError
         from imuscope.server.commands.decode import DecodedPart, export_columns
 
         try:
@@ -397,7 +397,7 @@ def open(
     Raises:
         ImuscopeError: it cannot be opened; where its times can be read in two ways the message names the option.
     """
-    from imuscope.recordings.explained_error import ExplainedError
+    from imuscope.recordings.errors import ExplainedError
     from imuscope.recordings.importers import open_file
     from imuscope.recordings.table_options import TableOptions
     from imuscope.server.devices.decode_options import DecodeOptions

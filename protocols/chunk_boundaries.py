@@ -20,8 +20,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.clock_kernels import earliest_sent
-from imuscope.protocols.framing import Ints
 
 FEW = 64  # chunks that cost less to convert than to search
 

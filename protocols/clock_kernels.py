@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.compiled import FLAG, FLOAT, FLOATS, INT, INTS, NOTHING, TRIPLE, compiled, inlined
-from imuscope.protocols.framing import Ints
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import re
 from dataclasses import replace
 
 from imuscope.protocols import nmea, rtcm, ubx
-from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.events import ParsedMessage
 
 STARTS = re.compile(nmea.STARTS.pattern + b"|" + re.escape(ubx.SYNC) + b"|" + rtcm.SYNC + b"[\x00-\x03]")
 _STARTS = re.compile(b"[" + ubx.SYNC[:1] + rtcm.SYNC + b"]")

@@ -3,6 +3,7 @@
     Batch           n samples of one message, as columns: plotted and recorded
     Reply           one answer or indication, with its values by name: awaited by transactions
     Text            one line of text in the stream (NMEA, a device's console)
+    ParsedMessage   one sentence of an embedded protocol, before it becomes a Text
     RejectedFrame   a candidate that failed its checks: counted, shown, never raised
     SampleGap       samples lost just before a given one, by a counter
     ClockStep       the device clock jumped, was reset or wrapped unexpectedly
@@ -21,9 +22,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.schema import Message
-
-Array = NDArray[Any]
 
 
 class LazyMapping(Mapping[str, Any]):
@@ -113,6 +113,26 @@ class Text:
     offset: int
     size: int
     arrival_ns: int
+    fields: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class ParsedMessage:
+    """One sentence in a stretch of bytes.
+
+    Args:
+        offset, size: within the given bytes; line end included.
+        protocol: "nmea" or the name of a binary string.
+        name: address ("GPGGA"); "" when its check failed.
+        line: the text without its line end; for a binary string, its bytes in hex.
+        fields: values by name, {} if the check failed; strings "field_01"… if the meaning is unknown.
+    """
+
+    offset: int
+    size: int
+    protocol: str
+    name: str
+    line: str
     fields: Mapping[str, Any] = field(default_factory=dict)
 
 

@@ -14,11 +14,12 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.composer import ProtocolComposer
 from imuscope.protocols.decode_options import DecodeOption, settings_of
 from imuscope.protocols.editor_choices import RateTable
 from imuscope.protocols.events import Batch, Decoder, Reply
-from imuscope.protocols.framing import Bytes, Ints, Scan
+from imuscope.protocols.framing import Scan
 from imuscope.protocols.mounting import MountingSetting
 from imuscope.protocols.schema import Message
 from imuscope.protocols.sensor_properties import SensorProperties

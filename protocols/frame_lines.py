@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import RejectedFrame, Text
-from imuscope.protocols.framing import OFFSET, SIZE, Ints
+from imuscope.protocols.framing import OFFSET, SIZE
 
 FrameLine = dict[str, Any]
 

@@ -42,14 +42,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import INT64, Bytes, Ints
 from imuscope.protocols.compiled import INT, INTS, NOTHING, STRIDED, compiled
-
-INT64, UINT8 = np.dtype(np.int64), np.dtype(np.uint8)  # a dtype is found sooner than a type; for loops over frames
-
-Ints = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 
 OFFSET, SIZE, BODY, LENGTH, ID, SENDER, STATUS = range(7)
 QUANTITIES = 7

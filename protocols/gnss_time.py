@@ -19,8 +19,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import Text
-from imuscope.protocols.framing import Ints
 from imuscope.protocols.nmea import number_of
 
 S = 1_000_000_000

@@ -16,9 +16,10 @@ from collections import Counter
 
 import numpy as np
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import RejectedFrame, Text
 from imuscope.protocols.family import ProtocolInfo
-from imuscope.protocols.framing import OFFSET, SIZE, Ints
+from imuscope.protocols.framing import OFFSET, SIZE
 from imuscope.protocols.registry import PROTOCOLS
 from imuscope.protocols.stream_parser import StreamParser
 

@@ -26,11 +26,10 @@ import functools
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from imuscope.protocols import vectornav
-from imuscope.protocols.events import LazyMapping
+from imuscope.protocols.events import LazyMapping, ParsedMessage
 from imuscope.protocols.schema import Field, Message
 
 LONGEST = 192  # the standard says 82; $PSONCMS needs 132
@@ -116,26 +115,6 @@ SENTENCES: dict[str, Message] = {
         *vectornav.SENTENCES,
     )
 }
-
-
-@dataclass(slots=True)
-class ParsedMessage:
-    """One sentence in a stretch of bytes.
-
-    Args:
-        offset, size: within the given bytes; line end included.
-        protocol: "nmea" or the name of a binary string.
-        name: address ("GPGGA"); "" when its check failed.
-        line: the text without its line end; for a binary string, its bytes in hex.
-        fields: values by name, {} if the check failed; strings "field_01"… if the meaning is unknown.
-    """
-
-    offset: int
-    size: int
-    protocol: str
-    name: str
-    line: str
-    fields: Mapping[str, Any] = field(default_factory=dict)
 
 
 def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMessage], int]:

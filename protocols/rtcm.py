@@ -20,7 +20,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from imuscope.protocols.checksums import crc24q
-from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.events import ParsedMessage
 from imuscope.protocols.ubx import WAIT, Wait
 
 SYNC = b"\xd3"

@@ -18,16 +18,14 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from imuscope.protocols.events import Decoder, RejectedFrame, Text
+from imuscope.protocols.arrays import UINT8, Bytes, Ints
+from imuscope.protocols.events import Decoder, ParsedMessage, RejectedFrame, Text
 from imuscope.protocols.framing import (
     OFFSET,
     REASONS,
     SIZE,
     STATUS,
     TINY,
-    UINT8,
-    Bytes,
-    Ints,
     Scan,
     ScanCapacity,
     StreamBuffer,
@@ -35,7 +33,6 @@ from imuscope.protocols.framing import (
     one_number,
     scan_all,
 )
-from imuscope.protocols.nmea import ParsedMessage
 
 Find = Callable[..., tuple[list[ParsedMessage], int]]
 """find(data, final=…) -> (messages found, where bytes must be kept from); see protocols/embedded_protocols.py."""

@@ -20,7 +20,7 @@ from typing import Final, Literal
 import numpy as np
 
 from imuscope.protocols.checksums import fletcher16
-from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.events import ParsedMessage
 from imuscope.protocols.ubx_content import table, values_of
 
 Wait = Literal["wait"]

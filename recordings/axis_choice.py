@@ -10,7 +10,8 @@ import numpy as np
 from imuscope.protocols.registry import unit_flag
 from imuscope.recordings.clock_search import clocks_of
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, TableClock
-from imuscope.recordings.table_names import FEWEST, WEEK, is_plain
+from imuscope.recordings.table_dates import WEEK
+from imuscope.recordings.table_names import FEWEST, is_plain
 from imuscope.recordings.table_options import NO_COLUMN
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import CLOSE, UNITS, is_dated, rate_text, usual_step

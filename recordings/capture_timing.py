@@ -29,9 +29,9 @@ from typing import BinaryIO
 
 import numpy as np
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.dates import UNKNOWN
 from imuscope.protocols.events import Batch, ClockStep, Decoder, Event, Reply, Text
-from imuscope.protocols.framing import Ints
 from imuscope.protocols.gnss_time import GnssClock
 
 BLOCK_BYTES = 1 << 16

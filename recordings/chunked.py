@@ -25,7 +25,7 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME
 from imuscope.recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending

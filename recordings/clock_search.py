@@ -32,7 +32,7 @@ from imuscope.recordings.clock_numbers import (
 )
 from imuscope.recordings.clock_parts import complete_clock
 from imuscope.recordings.clock_weeks import of_gps, week_clocks
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import order_of
 from imuscope.recordings.table_options import NO_COLUMN

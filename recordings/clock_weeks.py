@@ -9,6 +9,7 @@ import numpy as np
 
 from imuscope.recordings import table_names as names
 from imuscope.recordings.table_clock import Sure, TableClock
+from imuscope.recordings.table_dates import GPS_EPOCH, WEEK
 from imuscope.recordings.table_sample import TableSample
 from imuscope.recordings.time_units import FACTORS, SPELLINGS, usual_step
 
@@ -33,8 +34,8 @@ def week_clocks(sample: TableSample) -> list[TableClock]:
         largest = float(values.max()) if len(values) else 0.0
         step = usual_step(values) if len(values) > 1 else 0.0
         is_fine = step < 1 or bool((values != np.round(values)).any())
-        unit = ("ms", "s")[largest < names.WEEK and is_fine]
-        if largest < names.WEEK and not (values != np.round(values)).any() and step >= 1:
+        unit = ("ms", "s")[largest < WEEK and is_fine]
+        if largest < WEEK and not (values != np.round(values)).any() and step >= 1:
             units = {one.unit for one in sample.readings(column)}
             unit = units.pop() if len(units) == 1 else ""
     week = next((by_words[one] for one in names.WEEK_NAMES if one in by_words), None)
@@ -49,24 +50,24 @@ def week_clocks(sample: TableSample) -> list[TableClock]:
     name = f"{sample.headings[week].name} + {name}"
     why = "GPS week and time of week"
     columns: tuple[int, ...] = (week, column)
-    factors: tuple[float, ...] = (names.WEEK, factor)
+    factors: tuple[float, ...] = (WEEK, factor)
     cycle = next((by_words[one] for one in names.CYCLE_NAMES if one in by_words), None)
     zero = 0.0
     if len(weeks) and weeks.max() < names.WEEK_BITS and cycle is not None:
         name = f"{sample.headings[cycle].name} + {name}"
-        columns, factors = (cycle, *columns), (names.WEEK_BITS * names.WEEK, *factors)
+        columns, factors = (cycle, *columns), (names.WEEK_BITS * WEEK, *factors)
     elif len(weeks) and weeks.max() < names.WEEK_BITS:
-        newest = (sample.newest - names.GPS_EPOCH) / names.WEEK
+        newest = (sample.newest - GPS_EPOCH) / WEEK
         zero = float((newest - weeks.max()) // names.WEEK_BITS) * names.WEEK_BITS
         sure, why = "assumed", f"a GPS week of ten bits, of the {zero + names.WEEK_BITS:.0f} weeks before the file"
-    zero *= names.WEEK
+    zero *= WEEK
     return [TableClock(name, columns, "week", unit, factors, "GPS", sure, why, rank=2, zero_s=zero)]
 
 
 def _is_of_week(sample: TableSample, words: str, column: int) -> bool:
     values = sample.numbers(column)
     named = (words in names.GPS_TIME or names.without_unit(words) in names.GPS_TIME) and len(values) > 0
-    return names.without_unit(words) in names.OF_WEEK or (named and values.min() >= 0 and values.max() < names.WEEK)
+    return names.without_unit(words) in names.OF_WEEK or (named and values.min() >= 0 and values.max() < WEEK)
 
 
 def of_gps(sample: TableSample, clock: TableClock) -> TableClock:
@@ -74,7 +75,7 @@ def of_gps(sample: TableSample, clock: TableClock) -> TableClock:
     text = " ".join(sample.headings[column].text.lower() for column in clock.columns)
     if clock.kind != "number" or clock.epoch != "1970" or "gps" not in text or re.search("unix|utc|1970", text):
         return clock
-    if sample.options.unit or sample.numbers(clock.columns[0])[0] * clock.factors[0] + names.GPS_EPOCH > sample.newest:
+    if sample.options.unit or sample.numbers(clock.columns[0])[0] * clock.factors[0] + GPS_EPOCH > sample.newest:
         return clock
     why = "the heading names GPS, whose times count from 1980"
     return replace(clock, kind="week", epoch="GPS", sure="assumed", why=why)

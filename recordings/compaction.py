@@ -21,13 +21,13 @@ from typing import BinaryIO
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings import atomic_write, file_lock
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
+from imuscope.recordings.errors import RecordingError, disk_error
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapReader
 from imuscope.recordings.mcap_records import message
-from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.own_recordings import TEMPORARY_SUFFIX
 from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.priority import lower_priority

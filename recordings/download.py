@@ -21,7 +21,7 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings import sidecar
 from imuscope.recordings.compaction import write_compacted, write_recording

@@ -1,4 +1,4 @@
-"""File names of recordings: start time and contents: 20261121T044324Z-MTi-630.mcap.
+"""File names of recordings: start time and contents: 20261121T044324Z-MTi-630.mcap; names of uploads, made safe.
 
 The name is the recording's id. External text (a device's name) is reduced to letters, digits, dash and underscore,
 never a path; a name in use gets a number.
@@ -6,8 +6,10 @@ never a path; a name in use gets a number.
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Mapping, Sequence
+import unicodedata
+from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,8 @@ from typing import Any
 from imuscope.recordings.mcap_writer import SUFFIX
 
 _LONGEST = 40
+LONGEST_NAME = 120
+DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # reserved names on Windows
 
 
 def slug(text: str) -> str:
@@ -49,3 +53,24 @@ def free_path(folder: Path, time_s: float, words: str) -> Path:
         count += 1
         path = folder / f"{stem}-{count}{SUFFIX}"
     return path
+
+
+def clean_name(name: str, suffixes: Collection[str]) -> str:
+    """A safe file name from any name: no folder, not hidden, printable, not a command-line option or a Windows
+    device.
+
+    Args:
+        suffixes: of the files that the library lists; another file gets ".bin".
+
+    >>> clean_name("../../etc/passwd\\x00", (".csv",))
+    'passwd.bin'
+    """
+    last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
+    text = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*').rstrip(" .").lstrip(" .-")
+    stem, suffix = os.path.splitext(text)
+    if suffix.lower() not in suffixes:
+        stem, suffix = text, ".bin"
+    stem = stem.encode()[: LONGEST_NAME - len(suffix)].decode(errors="ignore").rstrip(" .").lstrip(" .-")
+    if DEVICES.match(stem):
+        stem = f"_{stem}"
+    return f"{stem or 'upload'}{suffix}"

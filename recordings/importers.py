@@ -28,12 +28,12 @@ from imuscope.protocols.registry import PROTOCOLS, detect, permissive_decoder
 from imuscope.recordings import sidecar, vendor_logs
 from imuscope.recordings.capture_timing import CaptureTiming
 from imuscope.recordings.damaged_capture import checked, damaged_frames, damaged_sentences, has_unchecked_sentences
+from imuscope.recordings.errors import READABLE, RecordingError
 from imuscope.recordings.file_reading import over
 from imuscope.recordings.file_suffixes import TABLES
 from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import READABLE, RecordingError
 from imuscope.recordings.message_source import MessageSource
 from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.recordings.readers.bag_folder import METADATA, is_bag_folder

@@ -31,8 +31,10 @@ from pathlib import Path
 
 from imuscope.recordings import file_lock, sidecar
 from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.errors import RecordingError, disk_error
+from imuscope.recordings.file_names import clean_name
 from imuscope.recordings.file_reading import FileReading
-from imuscope.recordings.file_suffixes import ALWAYS_LISTED
+from imuscope.recordings.file_suffixes import ALWAYS_LISTED, suffixes
 from imuscope.recordings.library_entry import LibraryEntry
 from imuscope.recordings.library_files import (
     COMPANIONS,
@@ -44,13 +46,11 @@ from imuscope.recordings.library_files import (
     named_groups,
 )
 from imuscope.recordings.library_index import INDEX, completed, index_of, remove_stale_indexes, write_index
-from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.probe_cache import ProbeCache, Stamp
 from imuscope.recordings.quota import BIN
 from imuscope.recordings.recording_probe import TABLE_FORMATS, RecordingProbe
 from imuscope.recordings.sidecar import Edits, MarkerInfo
 from imuscope.recordings.table_memory import TableMemory
-from imuscope.recordings.upload_names import clean_name
 
 INCOMING = ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
@@ -339,7 +339,7 @@ class Library:
             typed = typed[: -len(path.suffix)] if typed.lower().endswith(path.suffix.lower()) else typed
             if not any(c.isalnum() for c in typed):
                 raise NamingError("A file's name needs a letter or a digit.", "Try another name.")
-            target = path.with_name(clean_name(typed + path.suffix))
+            target = path.with_name(clean_name(typed + path.suffix, suffixes()))
             if target == path:
                 return entry
             belonging = belonging_files([path])
@@ -436,7 +436,7 @@ class Library:
             folder.mkdir(parents=True)
         except OSError as error:
             raise disk_error(error, folder) from None
-        return folder / clean_name(name)
+        return folder / clean_name(name, suffixes())
 
     def add_file(self, path: Path, probe: RecordingProbe | None, heading: Sequence[str] = ()) -> LibraryEntry:
         """Add a complete upload, which was read and can be opened, to the list.

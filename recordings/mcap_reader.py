@@ -33,11 +33,12 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 
-from imuscope.protocols.framing import Bytes, Ints
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.messages.records import MessageChannel
+from imuscope.recordings.errors import READABLE, RecordingError
 from imuscope.recordings.mcap_kernels import AT_END, FULL, messages_from, resume
 from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_writer import PROFILE, READABLE, RecordingError
+from imuscope.recordings.mcap_writer import PROFILE
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import FileDamage
 

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
+from imuscope.recordings.errors import check_format_version
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader, MessageBlock
-from imuscope.recordings.mcap_writer import DEVICE, RECORDING, check_format_version
+from imuscope.recordings.mcap_writer import DEVICE, FORMAT, RECORDING
 from imuscope.recordings.messages import MessageBlocks, preamble, recorded_device
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice
 from imuscope.recordings.tolerant_json import loads
@@ -29,7 +30,7 @@ class McapSource:
         if not self._recording.chunks:  # its metadata is spread over the file; the first records have the names
             next(iter(self._recording.blocks()), None)
         self.header: Mapping[str, str] = self._recording.meta(RECORDING)
-        if why := check_format_version(path.name, self.header.get("format")):
+        if why := check_format_version(path.name, self.header.get("format"), FORMAT):
             raise why
         self.devices: dict[str, SourceDevice] = {}
         self._learn()

@@ -31,7 +31,7 @@ does it remove a record that a full disk has cut off, which a reader would take 
 (tests/bench/mcap_library.py).
 
 `format` is 1, and 1 if absent. It is raised when an earlier reader would misread the file; a reader rejects a file with
-a number it does not know (`check_format_version`).
+a number it does not know (`errors.check_format_version`).
 
 Keys are never recorded.
 
@@ -41,7 +41,6 @@ Source: MCAP specification, https://mcap.dev/spec.
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
 import os
 import shutil
@@ -55,7 +54,7 @@ from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, S
 from imuscope.protocols.messages.records import HEAD, Definitions, MessageChannel, records_of
 from imuscope.recordings import file_lock
 from imuscope.recordings.atomic_write import PRIVATE, open_private
-from imuscope.recordings.explained_error import ExplainedError
+from imuscope.recordings.errors import RecordingError, disk_error
 from imuscope.recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending, message, messages
 
 Direction = Literal["rx", "tx"]
@@ -87,40 +86,6 @@ _SIGNALS_SCHEMA = {
     "type": "object",
     "properties": {"signals": {"type": "array", "items": {"type": "object"}}, "address": {"type": "string"}},
 }
-
-
-READABLE = "Is it there, and may this server read it?"
-_FREE = "Free some space, or delete recordings; the recording so far is kept."
-FULL = (errno.ENOSPC, errno.EDQUOT)
-_HINTS = {
-    errno.ENOSPC: _FREE,
-    errno.EDQUOT: _FREE,
-    errno.EFBIG: "Raise the limit (`ulimit -f`), or split recordings earlier (`split_mb`); what there is is kept.",
-    errno.EACCES: "Give the user that runs imuscope write permission there, or choose another folder with --data.",
-    errno.EROFS: "Choose another folder with --data.",
-    errno.ENOENT: "Was the folder removed? Choose another with --data.",
-    errno.EEXIST: "Choose another name.",
-    errno.EIO: "The disk or its cable is failing: copy its data elsewhere, then look at the system's log (dmesg).",
-}
-_WORDS = {
-    errno.ENOSPC: "The disk is full",
-    errno.EDQUOT: "The disk quota is used up",
-    errno.EFBIG: "The file has reached the largest size that the system allows",
-    errno.EEXIST: "There is a file of that name already",
-    errno.EIO: "The disk failed (input/output error)",
-}
-
-
-class RecordingError(ExplainedError):
-    """External failure (full disk, missing folder): one sentence, and what to do.
-
-    Args:
-        is_full: the disk, or the quota on it, is used up, which passes.
-    """
-
-    def __init__(self, message: str, hint: str = "", *, is_full: bool = False) -> None:
-        super().__init__(message, hint)
-        self.is_full = is_full
 
 
 def is_simulated(about: Mapping[str, str]) -> bool:
@@ -451,22 +416,3 @@ def _time(chunk: tuple[bytes, int]) -> int:
 
 def _strings(about: Mapping[str, Any]) -> dict[str, str]:
     return {name: "" if value is None else str(value) for name, value in about.items()}
-
-
-def check_format_version(name: str, version: object, known: int = FORMAT) -> RecordingError | None:
-    """Error for a file of a later format; None if it can be read.
-
-    Args:
-        version: as found in the file, of any type; an absent or invalid one counts as the first.
-    """
-    text = str(version)
-    if isinstance(version, bool) or not (text.isascii() and text.isdigit()) or int(text[:9]) <= known:
-        return None
-    words = f"{name} was written by a newer imuscope (format {text[:9]}; this one reads {known})."
-    return RecordingError(words, "Update imuscope; the file is left as it is.")
-
-
-def disk_error(error: OSError, path: Path) -> RecordingError:
-    """Error text for a failing disk."""
-    cause = _WORDS.get(error.errno or 0, (error.strerror or "It cannot be written").capitalize())
-    return RecordingError(f"{cause}: {path.name}.", _HINTS.get(error.errno or 0, ""), is_full=error.errno in FULL)

@@ -13,8 +13,8 @@ from typing import Any
 from imuscope.protocols.messages.decoder import reader_of
 from imuscope.protocols.messages.family import NAME
 from imuscope.protocols.messages.records import MessageChannel
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.messages import MessageBlocks, preamble
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
 from imuscope.recordings.tolerant_json import loads

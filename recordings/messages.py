@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MESSAGE_HEAD, MessageChannel, definition
 from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader, MessageBlock
 from imuscope.recordings.mcap_writer import DEVICE_KEY

@@ -14,11 +14,12 @@ from pathlib import Path
 
 from imuscope.protocols.registry import detect
 from imuscope.recordings import sidecar, vendor_logs
+from imuscope.recordings.errors import RecordingError, check_format_version
 from imuscope.recordings.file_suffixes import ALWAYS_LISTED, TABLES
 from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, WEAK_SCORE, is_table, open_file, paced
 from imuscope.recordings.mcap_reader import TIME, McapReader
 from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version, is_simulated
+from imuscope.recordings.mcap_writer import DEVICE, EDIT, FORMAT, RECORDING, is_simulated
 from imuscope.recordings.messages import recorded_device
 from imuscope.recordings.readers.registry import HEAD_BYTES, marked_reader, suffix_reader
 from imuscope.recordings.recording_probe import RecordedDevice, RecordingProbe
@@ -100,7 +101,7 @@ def _recording(recording: McapReader) -> RecordingProbe:
     if not recording.chunks:
         first = next(iter(recording.blocks()), None)
     about = recording.meta(RECORDING)
-    if why := check_format_version("It", about.get("format")):
+    if why := check_format_version("It", about.get("format"), FORMAT):
         return RecordingProbe("mcap", about.get("title", ""), damaged=why.message)
     probe = RecordingProbe("mcap", about.get("title", ""), edits=sidecar.from_metadata(recording.meta(EDIT)))
     part = about.get("part", "1")

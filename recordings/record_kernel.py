@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import time
 
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.compiled import INT, INTS, TABLE, ArrayType, LibraryFunction, compiled, fence
-from imuscope.protocols.events import Array
-from imuscope.protocols.framing import Ints
 
 BUFFER, ENDS, ARRIVALS, STATE, OFFSET, CHANNEL, TAKE_COUNT, MESSAGES, FIRST, LAST = range(10)  # rows of `links`
 WRITTEN, SIZE, PART = 0, 1, 2  # positions in `counters`

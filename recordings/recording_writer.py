@@ -34,7 +34,8 @@ from typing import Any, Literal
 
 from imuscope.protocols.messages.records import Definitions
 from imuscope.recordings.direct_writer import DirectWriter
-from imuscope.recordings.mcap_writer import Direction, McapWriter, RecordingError
+from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.mcap_writer import Direction, McapWriter
 from imuscope.recordings.read_memory import NEVER, ReadFollower
 
 log = logging.getLogger("imuscope.recording")

@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from imuscope.recordings import atomic_write
+from imuscope.recordings.errors import RecordingError, check_format_version
 from imuscope.recordings.file_reading import FileReading, reading_from
-from imuscope.recordings.mcap_writer import RecordingError, check_format_version
 from imuscope.recordings.regular_file import open_regular, read_regular
 from imuscope.recordings.tolerant_json import loads
 

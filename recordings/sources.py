@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from imuscope.protocols.dates import UNKNOWN, S, utc_ns
 from imuscope.recordings import hexadecimal
 from imuscope.recordings.table_clock import TableClock
-from imuscope.recordings.table_dates import Order, seconds_of_day, unix_seconds
-from imuscope.recordings.table_names import GPS_EPOCH
+from imuscope.recordings.table_dates import GPS_EPOCH, Order, seconds_of_day, unix_seconds
 
 if TYPE_CHECKING:  # imported where a table is read, so that a server starts sooner
     import pyarrow as pa

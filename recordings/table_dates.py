@@ -23,6 +23,8 @@ Order = Literal["mdy", "dmy"]
 
 HOUR = 3600.0
 DAY = 86400.0
+WEEK = 604_800.0
+GPS_EPOCH = 315_964_800.0
 LAST_YEAR_S = 5e10  # of the years that a date has room for
 OLD_YEARS = 70  # from which on a year of two digits is one of the last century
 _DATE = re.compile(r"^\s*(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})(?!\d)")

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from itertools import dropwhile, pairwise
 from pathlib import Path
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.table_dates import Order, is_moment, is_time_of_day, order_of, unix_seconds, utc_text
 from imuscope.recordings.table_headings import ColumnHeading

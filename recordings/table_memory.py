@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from imuscope.recordings import atomic_write
+from imuscope.recordings.errors import disk_error
 from imuscope.recordings.file_reading import FileReading, reading_from
-from imuscope.recordings.mcap_writer import disk_error
 from imuscope.recordings.regular_file import read_regular
 from imuscope.recordings.tolerant_json import loads
 

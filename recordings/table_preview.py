@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.previewed_table import PreviewColumn, Role, TablePreview, TableQuestion, UnitChoice
 from imuscope.recordings.probe import probe
 from imuscope.recordings.recording_probe import RecordingProbe

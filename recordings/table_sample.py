@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuscope.recordings import table_names as names
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.hexadecimal import are_hexadecimal, number_of
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_clock import Epoch, TableClock
-from imuscope.recordings.table_dates import are_dates, are_packed, cells_of, is_moment
+from imuscope.recordings.table_dates import GPS_EPOCH, WEEK, are_dates, are_packed, cells_of, is_moment
 from imuscope.recordings.table_format import TableFormat, is_number
 from imuscope.recordings.table_headings import ColumnHeading
 from imuscope.recordings.table_options import TableOptions
@@ -79,7 +79,7 @@ class TableSample:
     def is_gps_week(self, values: Floats) -> bool:
         """Whether numbers can be that of the GPS week: one, or it and the next."""
         weeks = {*values.tolist()}
-        newest = (self.newest - names.GPS_EPOCH) / names.WEEK
+        newest = (self.newest - GPS_EPOCH) / WEEK
         return len(weeks) <= 2 and all(one == round(one) and names.FIRST_WEEK <= one <= newest for one in weeks)
 
     def name(self, column: int) -> str:

@@ -29,7 +29,7 @@ from imuscope.protocols.plural import counted, plural
 from imuscope.recordings import hexadecimal
 from imuscope.recordings.axis_choice import axis_of_table
 from imuscope.recordings.clock_steps import ClockWatch, periods_of
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
 from imuscope.recordings.table_axis import TimeAxis, order_words, origin_of, step_limits

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_reading import FileReading
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import report_to_parent
 from imuscope.recordings.resource_limits import bounded_by
 from imuscope.recordings.sidecar import stored_reading

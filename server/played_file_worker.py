@@ -17,8 +17,8 @@ from typing import Any, BinaryIO, cast
 
 import numpy as np
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import die_with_parent
 from imuscope.recordings.replay import extent
 from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by

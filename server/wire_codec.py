@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.explained_error import ExplainedError
+from imuscope.recordings.errors import ExplainedError
 from imuscope.server.wire import (
     FLAG_HISTORY,
     HEADER,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.parent_death import die_with_parent, report_to_parent
 from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.resource_limits import TooLong, bounded

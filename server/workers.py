@@ -17,7 +17,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 
 ROOT = Path(__file__).absolute().parents[2]  # holds imuscope/
 MAX_LINE = 1024 * 1024

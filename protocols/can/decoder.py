@@ -26,24 +26,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.can.definition import KINDS, CanDefinition, default_definition, read_definition, read_step
 from imuscope.protocols.can.grouping import COUNT, STATES, group_frames
 from imuscope.protocols.can.lines import DATA, DEFINITION, payloads, scan
 from imuscope.protocols.can.rows import CanRow
 from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
 from imuscope.protocols.dates import UNKNOWN, utc_ns
-from imuscope.protocols.events import (
-    Array,
-    Batch,
-    ClockStep,
-    Count,
-    Event,
-    RejectedFrame,
-    Reply,
-    SampleGap,
-    stream_order,
-)
-from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Ints
+from imuscope.protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap, stream_order
+from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE
 from imuscope.protocols.schema import Field, Message
 from imuscope.protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
 

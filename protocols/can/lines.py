@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled
 from imuscope.protocols.framing import (
     BAD_ITEM,
@@ -26,8 +27,6 @@ from imuscope.protocols.framing import (
     SIZE,
     STATUS,
     TRUNCATED,
-    Bytes,
-    Ints,
 )
 
 DATA, REQUEST, FD, ERROR, DEFINITION = range(5)

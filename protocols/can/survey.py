@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.can.definition import KINDS, CanDefinition, identifier_text, number_of
 from imuscope.protocols.can.rows import CanDeviceKind, CanRow
-from imuscope.protocols.framing import Ints
 from imuscope.protocols.plural import counted
 
 FITTING = 0.9  # of the frames of an identifier

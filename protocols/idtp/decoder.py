@@ -30,22 +30,11 @@ from typing import Any, get_args
 
 import numpy as np
 
+from imuscope.protocols.arrays import UINT8, Bytes, Ints
 from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
 from imuscope.protocols.counters import TickUnwrapper
 from imuscope.protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap, stream_order
-from imuscope.protocols.framing import (
-    BAD_VERSION,
-    BODY,
-    OFFSET,
-    REASONS,
-    SENDER,
-    SIZE,
-    SUCCESSOR,
-    UINT8,
-    Bytes,
-    Ints,
-    one_number,
-)
+from imuscope.protocols.framing import BAD_VERSION, BODY, OFFSET, REASONS, SENDER, SIZE, SUCCESSOR, one_number
 from imuscope.protocols.grouping import group
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at

@@ -42,6 +42,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.checksums import CRC8_END, CRC8_START, crc8_autosar, crc8_block, crc32_autosar
 from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, TABLE, compiled, inlined, unsigned
 from imuscope.protocols.framing import (
@@ -63,8 +64,6 @@ from imuscope.protocols.framing import (
     STATUS,
     SUCCESSOR,
     TRUNCATED,
-    Bytes,
-    Ints,
     Scan,
 )
 

@@ -19,8 +19,9 @@ import math
 from collections import Counter
 from typing import Any
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.frame_lines import FrameLine, frame_lines
-from imuscope.protocols.framing import BAD_VERSION, ID, REASONS, SIZE, SUCCESSOR, Ints
+from imuscope.protocols.framing import BAD_VERSION, ID, REASONS, SIZE, SUCCESSOR
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import MAJOR, SECURE, VERSION, version_at
 from imuscope.protocols.idtp.json_codec import frame_to_json

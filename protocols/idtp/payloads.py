@@ -20,8 +20,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.compiled import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
-from imuscope.protocols.framing import Bytes, Ints
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.messages import (
     BY_ID,

@@ -42,6 +42,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import INT64, Bytes, Ints
 from imuscope.protocols.compiled import (
     BYTES,
     FLAG,
@@ -56,19 +57,7 @@ from imuscope.protocols.compiled import (
     inlined,
     unsigned,
 )
-from imuscope.protocols.framing import (
-    FAR_AHEAD,
-    FRAME,
-    ID,
-    INT64,
-    LENGTH,
-    OFFSET,
-    SENDER,
-    STALE,
-    Bytes,
-    Ints,
-    ScanCapacity,
-)
+from imuscope.protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, ScanCapacity
 from imuscope.protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
 
 FAR = 1 << 16

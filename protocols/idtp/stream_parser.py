@@ -18,8 +18,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import RejectedFrame
-from imuscope.protocols.framing import OFFSET, REASONS, SENDER, SIZE, Ints
+from imuscope.protocols.framing import OFFSET, REASONS, SENDER, SIZE
 from imuscope.protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
 from imuscope.protocols.idtp.replay_guard import LOST, MASK, TAKEN_BACK, ReplayGuard, ReplayVerdict
 from imuscope.protocols.stream_parser import ParseResult as Whole

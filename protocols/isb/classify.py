@@ -20,8 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, inlined, unsigned
-from imuscope.protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS, Bytes, Ints
+from imuscope.protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS
 from imuscope.protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
 from imuscope.protocols.isb.time_base import (
     DATED,

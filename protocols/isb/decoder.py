@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import UINT8, Ints
 from imuscope.protocols.embedded_protocols import STARTS, find
 from imuscope.protocols.events import Batch, ClockStep, Event, LazyMapping, Reply, stream_order
-from imuscope.protocols.framing import BODY, OFFSET, SIZE, UINT8, Ints, ScanCapacity, one_number
+from imuscope.protocols.framing import BODY, OFFSET, SIZE, ScanCapacity, one_number
 from imuscope.protocols.grouping import group
 from imuscope.protocols.isb import messages
 from imuscope.protocols.isb.classify import (

@@ -31,6 +31,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.checksums import fletcher16
 from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
 from imuscope.protocols.framing import (
@@ -46,8 +47,6 @@ from imuscope.protocols.framing import (
     SIZE,
     STATUS,
     TRUNCATED,
-    Bytes,
-    Ints,
 )
 
 FIRST, SECOND = 0xEF, 0x49

@@ -28,7 +28,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.isb import classify
 from imuscope.protocols.isb.dataset_loader import (
     CURRENT,

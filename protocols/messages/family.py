@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.dates import UNKNOWN
 from imuscope.protocols.events import Batch
 from imuscope.protocols.family import (
@@ -17,7 +18,6 @@ from imuscope.protocols.family import (
     ProtocolInfo,
     StreamTraits,
 )
-from imuscope.protocols.framing import Bytes, Ints
 from imuscope.protocols.messages.decoder import STAMP, MessageDecoder
 from imuscope.protocols.messages.listing import MessageLister
 from imuscope.protocols.messages.records import MessageChannel, definition, message_record

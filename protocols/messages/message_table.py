@@ -14,8 +14,8 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
-from imuscope.protocols.framing import Bytes, Ints
 
 CHANNEL, SEQUENCE, PUBLISHED, START, SIZE = range(5)
 RECORD_QUANTITIES = 5

@@ -24,7 +24,7 @@ import struct
 from bisect import bisect_right
 from dataclasses import dataclass
 
-from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.events import ParsedMessage
 
 TSS2 = re.compile(
     rb":(?P<heading>[0-3]\d{4}) (?P<heave>[ -]\d{4})(?P<status>[A-Za-z])"

@@ -48,9 +48,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import UINT8, Bytes, Ints
 from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
 from imuscope.protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap, stream_order
-from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, UINT8, Bytes, Ints, one_number
+from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, one_number
 from imuscope.protocols.layouts import Layout, Place, unpack
 from imuscope.protocols.schema import Direction, Message
 from imuscope.protocols.stream_parser import StreamDecoder

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.composer import FrameRecord, ProtocolComposer
 from imuscope.protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoice
 from imuscope.protocols.family import (
@@ -27,7 +28,7 @@ from imuscope.protocols.family import (
     VendorLogs,
     position_of_columns,
 )
-from imuscope.protocols.framing import ID, OFFSET, Bytes, Ints
+from imuscope.protocols.framing import ID, OFFSET
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
 from imuscope.protocols.transactions import DeviceContext, Values

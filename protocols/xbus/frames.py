@@ -27,6 +27,7 @@ import struct
 
 import numpy as np
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.checksums import check_sum8, sum8
 from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
 from imuscope.protocols.framing import (
@@ -42,8 +43,6 @@ from imuscope.protocols.framing import (
     SIZE,
     STATUS,
     TRUNCATED,
-    Bytes,
-    Ints,
 )
 
 PREAMBLE = 0xFA

@@ -16,9 +16,10 @@ from bisect import bisect_right
 
 import numpy as np
 
-from imuscope.protocols.events import RejectedFrame, Text
-from imuscope.protocols.framing import OFFSET, SIZE, Ints
-from imuscope.protocols.nmea import STARTS, ParsedMessage
+from imuscope.protocols.arrays import Ints
+from imuscope.protocols.events import ParsedMessage, RejectedFrame, Text
+from imuscope.protocols.framing import OFFSET, SIZE
+from imuscope.protocols.nmea import STARTS
 from imuscope.protocols.nmea import find_nmea as find_sentences
 from imuscope.protocols.stream_parser import ParseResult
 from imuscope.protocols.stream_parser import StreamParser as AnyStream

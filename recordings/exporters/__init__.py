@@ -15,9 +15,9 @@ import shutil
 from pathlib import Path
 
 from imuscope.recordings import atomic_write
+from imuscope.recordings.errors import RecordingError, disk_error
 from imuscope.recordings.exporters.registry import EXPORTERS, ExportFormat
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
-from imuscope.recordings.mcap_writer import RecordingError, disk_error
 from imuscope.recordings.optional_packages import installation_of, lacks
 
 __all__ = ["FORMATS", "PROBLEMS", "ExportError", "ExportFormat", "ExportRequest", "by_suffix", "export"]

@@ -31,7 +31,7 @@ import pyarrow.compute as pc
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.column_store import ExactRows

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.family import LogFormat, ProtocolInfo
-from imuscope.protocols.framing import FRAME, ID, OFFSET, SIZE, STATUS, Ints, ScanResult, scan_all
+from imuscope.protocols.framing import FRAME, ID, OFFSET, SIZE, STATUS, ScanResult, scan_all
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
 

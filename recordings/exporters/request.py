@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from imuscope.recordings.column_store import Base, ColumnStore, ExactRows
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import device_names
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.payloads import BYTES, payloads_of
 
 ExportStep = Callable[[float], None]  # called with 0..1; an exception it raises ends the export

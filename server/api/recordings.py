@@ -15,9 +15,9 @@ from starlette.requests import ClientDisconnect
 
 from imuscope.recordings import sidecar
 from imuscope.recordings.atomic_write import open_private
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.library import NamingError
 from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.api.dependencies import TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, check_length, recording_errors, responses

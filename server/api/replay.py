@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.api.answers import DeviceAnswer
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses

@@ -24,14 +24,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TextIO, cast
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import Decoder
-from imuscope.protocols.framing import Ints
 from imuscope.protocols.mixed_protocols import MixedProtocolDetector
 from imuscope.protocols.registry import PROTOCOLS, ProtocolInfo, detect, family_of
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
 from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.known_files import known_file
 from imuscope.recordings.readers.registry import marked_reader

@@ -38,7 +38,7 @@ from imuscope.protocols.transactions import (
     Transaction,
     Values,
 )
-from imuscope.recordings.explained_error import ExplainedError
+from imuscope.recordings.errors import ExplainedError
 from imuscope.server.configuration.preview import DevicePresentState, SerialLine, load_of
 from imuscope.server.configuration.put_back import PutBackStore, PutBackTask
 from imuscope.server.configuration.timings import ConfigurationTimings

@@ -38,7 +38,7 @@ from imuscope.protocols.transactions import (
     WriteResult,
 )
 from imuscope.recordings import atomic_write
-from imuscope.recordings.mcap_writer import check_format_version
+from imuscope.recordings.errors import check_format_version
 from imuscope.recordings.regular_file import read_regular
 from imuscope.server import previous_names
 from imuscope.server.configuration import settings_procedures

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from imuscope.recordings.bounded_yaml import YamlError, load
-from imuscope.recordings.mcap_writer import check_format_version
+from imuscope.recordings.errors import check_format_version
 from imuscope.server.configuration.snapshots import FORMAT, MAX_TITLE, Snapshot, SnapshotError
 
 MAX_BYTES = 1 << 18  # ten times the largest device; reading this much takes seconds

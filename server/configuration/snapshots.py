@@ -51,7 +51,7 @@ from typing import Any
 
 from imuscope.protocols.schema import Field, Setting
 from imuscope.recordings import atomic_write
-from imuscope.recordings.explained_error import ExplainedError
+from imuscope.recordings.errors import ExplainedError
 from imuscope.server.configuration.api_models import SnapshotBody, SnapshotInfo
 from imuscope.server.configuration.value_format import comment, entry_comment
 

@@ -29,7 +29,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.server.devices.session import Session
 from imuscope.server.links.base import CHUNK_COST, Chunk
 from imuscope.server.streaming.packed_columns import packed, packed_bytes, unpack, unpacked_bytes

@@ -20,9 +20,9 @@ from itertools import accumulate
 
 import numpy as np
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.events import AccountsForBytes, Decoder, Event, RejectedFrame, Shared, sender_of
-from imuscope.protocols.framing import Ints
 from imuscope.server import wire
 from imuscope.server.devices.device_state import DeviceState, health
 from imuscope.server.devices.event_reporter import EventReporter

@@ -21,9 +21,9 @@ from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Any
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.library import Library
 from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.recording_probe import TABLE_FORMATS, RecordingProbe
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.heartbeat import beat

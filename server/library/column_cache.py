@@ -29,8 +29,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imuscope.recordings.column_store import VERSION, ColumnStore
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_reading import FileReading
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.resource_limits import seconds_for
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.server.devices.decode_options import DecodeOptions

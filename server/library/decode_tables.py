@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from imuscope.recordings.clock_steps import StepOfClock, step_words
 from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import damage_of, remark
 from imuscope.recordings.table_axis import TimeAxis
 from imuscope.recordings.table_headings import axis_of, grouped

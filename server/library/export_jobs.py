@@ -22,8 +22,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import report_to_parent
 from imuscope.recordings.resource_limits import TooLong
 from imuscope.server.library.export_worker import request_of

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, cast
 
 from pydantic_core import to_json
 
-from imuscope.recordings.explained_error import ExplainedError
+from imuscope.recordings.errors import ExplainedError
 from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.readers.registry import READERS
 from imuscope.recordings.resource_limits import TooLong, bounded, memory_in_use, memory_of_one

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.recording_probe import RecordingProbe
 from imuscope.recordings.resource_limits import CPU_S, CPU_S_PER_MB
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError

@@ -17,8 +17,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.family import ProtocolInfo
-from imuscope.protocols.framing import Ints
 from imuscope.protocols.registry import family_of
 from imuscope.protocols.schema import Message
 from imuscope.protocols.transactions import ByteRange, DeviceDriver

@@ -31,8 +31,8 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.recordings import quota
+from imuscope.recordings.errors import FULL, RecordingError
 from imuscope.recordings.file_names import free_path
-from imuscope.recordings.mcap_writer import FULL, RecordingError
 from imuscope.recordings.recording_writer import Limits, RecordingWriter
 from imuscope.server import wire
 from imuscope.server.config import Config

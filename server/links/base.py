@@ -41,7 +41,7 @@ from typing import Literal
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.recordings.read_memory import NEVER, ReadFollower
 from imuscope.server.errors import DomainError
 from imuscope.server.listeners import CallbackList

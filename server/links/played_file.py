@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.resource_limits import seconds_for
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice
 from imuscope.server.workers import Worker

@@ -29,7 +29,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.recordings.read_memory import BUFFER_BYTES, MAX_READS, NEVER, READ_COUNT, ReadFollower, ReadMemory
 from imuscope.server.links.base import RECORDING, Chunk
 from imuscope.server.read_kernel import ROOM_BYTES, SECOND_NS, gather, promise

@@ -29,7 +29,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.recordings.read_memory import ReadFollower
 from imuscope.server.links.base import CHUNK_COST, MAX_HELD, SESSION, Chunk, Link, LinkError
 from imuscope.server.links.read_loop import ReadLoop

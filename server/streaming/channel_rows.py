@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import Batch
-from imuscope.protocols.framing import Ints
 from imuscope.protocols.layouts import Layout, LazyColumns
 from imuscope.server.streaming.ring_kernel import DIVIDE, MULTIPLY
 from imuscope.server.wire import ChannelInfo

@@ -31,9 +31,9 @@ import pytest
 
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.compaction import compact
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.library import standing_recording

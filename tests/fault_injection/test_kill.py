@@ -22,7 +22,7 @@ import pytest
 
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings import compaction
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.own_recordings import is_uncompacted
 from imuscope.server.library.cleanup import LOCK, DataFolderLock
 from imuscope.server.library.compaction_worker import uncompacted

@@ -36,9 +36,10 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 
 from imuscope.recordings.compaction import compact
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.probe import probe
 from imuscope.recordings.sidecar import VERSION, Edits
 from imuscope.server.config import ConfigError, load

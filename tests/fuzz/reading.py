@@ -12,7 +12,7 @@ import os
 import threading
 from pathlib import Path
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.resource_limits import bounded, memory_in_use
 from imuscope.server.library import file_worker
 from imuscope.server.library.foreign_files import ForeignFiles

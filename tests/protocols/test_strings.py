@@ -10,7 +10,7 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.nmea import ParsedMessage
+from imuscope.protocols.events import ParsedMessage
 from imuscope.protocols.xbus.binary_strings import WINDOW, Em1000Row, find
 from tests.each_row import each_row
 from tests.protocols.nmea_sentences import EM1000, TSS2

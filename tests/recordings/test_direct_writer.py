@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from imuscope.protocols.compiled import plain
 from imuscope.recordings import record_kernel
 from imuscope.recordings.direct_writer import DirectWriter
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap_records import MESSAGE_HEAD
-from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.read_memory import MAX_READS, READ_COUNT, ReadFollower, ReadMemory
 from imuscope.recordings.recording_writer import Limits, RecordingWriter
 from tests.recordings.mcap_files import read, theirs

@@ -11,7 +11,8 @@ import pytest
 
 from imuscope.recordings import file_lock, quota
 from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
 from imuscope.recordings.probe import is_pinned
 from imuscope.server.library.compaction_worker import uncompacted

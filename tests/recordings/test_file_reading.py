@@ -10,9 +10,9 @@ import pytest
 
 import imuscope
 from imuscope.recordings import sidecar
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_reading import FileReading, over, reading_from
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sidecar import Edits
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource

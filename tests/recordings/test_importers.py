@@ -15,8 +15,8 @@ import pytest
 
 from imuscope.protocols.isb.logs import HEADER, MARKER
 from imuscope.protocols.registry import PROTOCOLS
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.sources import Source
 from imuscope.recordings.vendor_logs import log_name, parts_of
 from tests.each_row import each_row

@@ -14,13 +14,14 @@ from hypothesis import strategies as st
 
 from imuscope.recordings import quota
 from imuscope.recordings.compaction import compact
+from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.file_names import clean_name
 from imuscope.recordings.file_suffixes import suffixes
 from imuscope.recordings.library import INDEX, KEPT_S, STALE_S, Library
-from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.probe import is_pinned as pinned_in_file
 from imuscope.recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
 from imuscope.recordings.sidecar import Edits, MarkerInfo, sidecar_path
-from imuscope.recordings.upload_names import clean_name
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
 from tests.read_library import ReadLibrary
@@ -334,7 +335,7 @@ def test_an_upload_that_takes_hours_is_not_taken_for_an_abandoned_one(tmp_path: 
 
 @given(st.text(max_size=300))
 def test_no_name_becomes_a_path(name: str) -> None:
-    clean = clean_name(name)
+    clean = clean_name(name, suffixes())
     assert clean not in ("", ".", "..")
     assert not clean.startswith(".")
     assert "/" not in clean
@@ -342,7 +343,7 @@ def test_no_name_becomes_a_path(name: str) -> None:
     assert clean.isprintable()
     assert len(clean.encode()) <= 130
     assert os.path.splitext(clean)[1].lower() in suffixes()
-    assert clean_name(clean) == clean
+    assert clean_name(clean, suffixes()) == clean
 
 
 @each_row("name", ["..", "../a", "a/../../a", "/etc/passwd", ".bin", "", "a\x00", "\ud800"])

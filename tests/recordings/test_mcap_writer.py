@@ -22,8 +22,9 @@ from mcap.reader import NonSeekingReader, make_reader
 
 from imuscope.recordings import compaction as packing
 from imuscope.recordings.compaction import compact
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap_reader import DATA, LENGTH, TIME, McapReader
-from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.mcap_writer import McapWriter
 from tests.each_row import each_row
 from tests.recordings.mcap_files import ABOUT, Message, json_messages, messages, read, theirs
 

@@ -15,8 +15,8 @@ from mcap_ros2.writer import Writer as RosWriter
 from imuscope.protocols.events import Batch
 from imuscope.protocols.messages.decoder import MessageDecoder, reader_of
 from imuscope.protocols.messages.records import MessageChannel
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageSource
 from tests.each_row import each_row
 from tests.recordings.mcap_files import OF_ROS

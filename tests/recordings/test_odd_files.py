@@ -11,9 +11,9 @@ import httpx
 import pytest
 
 from imuscope.recordings import quota
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.library import INDEX
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.probe import is_pinned
 from imuscope.recordings.sidecar import Edits, sidecar_path
 from imuscope.server.library.compaction_worker import uncompacted

@@ -11,9 +11,9 @@ import pytest
 from mcap.writer import Writer as McapWriter
 
 from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.summary import summarize
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode

@@ -22,10 +22,11 @@ import pytest
 from mcap.records import Metadata
 
 from imuscope.recordings import mcap_writer, sidecar
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.mcap_reader import McapReader
 from imuscope.recordings.mcap_records import bytes_of
-from imuscope.recordings.mcap_writer import McapWriter, RecordingError
+from imuscope.recordings.mcap_writer import McapWriter
 from imuscope.recordings.probe import probe
 from imuscope.server.commands.decode import decode_file
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.library import column_cache
 from imuscope.server.library.cache_provenance import write_source
 from imuscope.server.library.column_cache import ColumnCache, DecodeJob

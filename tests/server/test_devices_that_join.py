@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.recording_writer import RecordingWriter
 from imuscope.server.config import Config
 from tests.server.fakes import FakeLinks, sample

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.config import Config
 from imuscope.server.library import export_jobs
 from imuscope.server.library.export_jobs import ExportJobs

@@ -14,8 +14,8 @@ from typing import BinaryIO
 
 import pytest
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_suffixes import OF_READERS
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.registry import reader_suffixes
 from imuscope.server.extension import extensions
 from imuscope.server.library import foreign_files

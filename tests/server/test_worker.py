@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.workers import Worker
 from tests.each_row import each_row
 

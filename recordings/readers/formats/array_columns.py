@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.arrow_table import BATCH_ROWS, ArrowColumns
 from imuscope.recordings.table_format import MAX_COLUMNS
 from imuscope.recordings.tabular import is_rate_name

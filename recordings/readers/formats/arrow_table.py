@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.table_format import MAX_COLUMNS, MOST_COLUMNS, SAMPLE_ROWS, TableFormat
 from imuscope.recordings.table_options import TableOptions

@@ -5,9 +5,8 @@ Source: ROS wiki, "Bags/Format/2.0"; protocols/messages/records.py.
 
 from __future__ import annotations
 
+from imuscope.protocols.arrays import Array, Bytes, Ints
 from imuscope.protocols.compiled import BYTES, INT, INTS, PAIR, TABLE, ArrayType, compiled
-from imuscope.protocols.events import Array
-from imuscope.protocols.framing import Bytes, Ints
 
 NUMBER, TIME, START, SIZE = range(4)
 """Rows of a table of messages: number of the topic, arrival in ns, place in the bytes."""

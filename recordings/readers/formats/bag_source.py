@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.decoder import MOST_CHANNELS, reader_of
 from imuscope.protocols.messages.records import (
     LONGEST,
@@ -16,7 +16,7 @@ from imuscope.protocols.messages.records import (
     MessageChannel,
     definition,
 )
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.message_source import DEVICE, MessageFile
 from imuscope.recordings.readers.formats.bag_kernels import NUMBER, SIZE, TIME, copy_records
 from imuscope.recordings.sources import ChunkBlock, FileDamage, remark

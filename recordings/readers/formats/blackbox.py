@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.protocols.arrays import Ints
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats import blackbox_kernel as kernel
 from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from imuscope.protocols.arrays import Array, Bytes, Ints
 from imuscope.protocols.can.lines import (
     BUS,
     DAMAGED,
@@ -31,8 +32,7 @@ from imuscope.protocols.can.lines import (
     seconds_at,
 )
 from imuscope.protocols.compiled import BYTES, INT, INTS, PAIR, TABLE, TRIPLE, ArrayType, compiled
-from imuscope.protocols.events import Array
-from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE, Bytes, Ints
+from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE
 
 LOG, TERMINAL, ASC = range(3)
 """Forms of a log."""

@@ -22,6 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.can.decoder import EARLIEST_YEAR, utc_of_records
 from imuscope.protocols.can.definition import identifier_text, step_line
 from imuscope.protocols.can.lines import (
@@ -36,10 +37,10 @@ from imuscope.protocols.can.lines import (
 )
 from imuscope.protocols.can.survey import CanDevice, devices_of, message_names
 from imuscope.protocols.counters import TickUnwrapper
-from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER, Bytes, Ints
+from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER
 from imuscope.protocols.plural import counted
 from imuscope.recordings.clock_steps import duration_text
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.formats.can_kernels import ASC, LOG, TERMINAL, read_lines, write_lines
 from imuscope.recordings.readers.formats.can_survey import FRAME_BYTES, SECOND_NS, LogSurvey, Since, strays

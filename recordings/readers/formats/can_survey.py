@@ -10,9 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.can.lines import BUS, BUS_KEY, DATA, STAMP, payloads
 from imuscope.protocols.can.survey import CanIdentifier
-from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER, Bytes, Ints
+from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER
 
 Since = Literal["1970", "start", "line", "none"]
 """What the times of a log are counted from."""

@@ -17,7 +17,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.file_names import clean_name
+from imuscope.recordings.file_suffixes import suffixes
 from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder, decompressed
 from imuscope.recordings.readers.formats.euroc_folder import DATA as SENSOR_DATA
@@ -27,7 +29,6 @@ from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES, pack
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import add_outer_damage, remark
-from imuscope.recordings.upload_names import clean_name
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source
@@ -49,7 +50,7 @@ OFFICE = {
 
 def _open_one(request: OpenRequest, codec: str) -> Source:
     path = request.path
-    name = clean_name(path.stem) if path.suffix.lower() in (".gz", ".zst", ".zstd") else clean_name(path.name)
+    name = clean_name(path.stem if path.suffix.lower() in (".gz", ".zst", ".zstd") else path.name, suffixes())
     unpacked = UnpackedFolder(path)
     return temporary_source(unpacked, request, lambda: [decompressed(path, unpacked, name, codec)])
 
@@ -97,14 +98,14 @@ def _extracted(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], unpacke
         name = entry.filename.rsplit("/", 1)[-1]
         name = name if name == METADATA else _flat_name(name)
         if is_euroc:
-            folder = clean_name(f"{_sensor(entry)}.csv").removesuffix(".csv")
+            folder = clean_name(f"{_sensor(entry)}.csv", suffixes()).removesuffix(".csv")
             (unpacked.path / folder).mkdir(exist_ok=True)
             name = f"{folder}/{name}"
         elif is_oxts and name != TIMES:
             (unpacked.path / PACKETS).mkdir(exist_ok=True)
             name = f"{PACKETS}/{name}"
         elif (unpacked.path / name).exists():
-            name = clean_name(entry.filename.replace("/", "-"))
+            name = clean_name(entry.filename.replace("/", "-"), suffixes())
         if (unpacked.path / name).exists():
             continue
         with archive.open(entry) as content:
@@ -137,9 +138,9 @@ def _sensor(entry: zipfile.ZipInfo) -> str:
 def _flat_name(name: str) -> str:
     """A safe name with the suffix that it has, if that is one."""
     stem, suffix = os.path.splitext(name)
-    cleaned = clean_name(name)
+    cleaned = clean_name(name, suffixes())
     known = cleaned.lower().endswith(suffix.lower())
-    return cleaned if known or not suffix[1:].isalnum() else f"{clean_name(stem + '.bin')[:-4]}{suffix}"
+    return cleaned if known or not suffix[1:].isalnum() else f"{clean_name(stem + '.bin', suffixes())[:-4]}{suffix}"
 
 
 def temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: Callable[[], list[Path]]) -> Source:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
     MOST_COLUMNS,
@@ -33,7 +33,7 @@ from imuscope.recordings.readers.registry import FileReader, OpenRequest, regist
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.table_cells import times_of
 from imuscope.recordings.table_clock import TableClock
-from imuscope.recordings.table_names import WEEK
+from imuscope.recordings.table_dates import WEEK
 
 MARK = b"\xa3\x95"
 FMT = 128

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import FileDamage, Source, add_outer_damage
 from imuscope.recordings.temporary_folder import TemporaryFolder

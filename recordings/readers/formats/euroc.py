@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.euroc_folder import DATA, SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.table_set import TableSet
 from imuscope.recordings.regular_file import open_regular

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.recordings.clock_steps import ClockWatch
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.log_clock import LogClock
 from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.table_axis import TimeAxis, origin_of

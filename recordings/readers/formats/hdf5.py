@@ -26,7 +26,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_line
 from imuscope.recordings.readers.formats.decompressing import is_bomb

@@ -18,7 +18,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.compressed import temporary_source
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.formats.typed_rows import KEY, TypedTables, csv_line

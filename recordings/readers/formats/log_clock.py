@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MESSAGE, records_of
 from imuscope.recordings.clock_steps import MOST_STEPS, NEXT_ROWS, PAUSE_S, ClockWatch, StepOfClock
 from imuscope.recordings.sources import ChunkBlock

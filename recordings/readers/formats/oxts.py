@@ -13,7 +13,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES
 from imuscope.recordings.regular_file import open_regular

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from imuscope.recordings.bounded_yaml import load
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.message_source import MessageFile, MessageSource, segments_in
 from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.formats.bag_kernels import SIZE, START

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.table_axis import LAST_CHANGE, TimeAxis
 from imuscope.recordings.table_dates import dated_name

@@ -23,7 +23,9 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.file_names import clean_name
+from imuscope.recordings.file_suffixes import suffixes
 from imuscope.recordings.readers.formats.compressed import temporary_source
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.formats.table_set import TableSet
@@ -36,7 +38,6 @@ from imuscope.recordings.table_labels import labels_of
 from imuscope.recordings.table_names import SENSOR, words_of
 from imuscope.recordings.table_options import TableOptions
 from imuscope.recordings.tabular import CsvSource, TableSource
-from imuscope.recordings.upload_names import clean_name
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source
@@ -288,8 +289,10 @@ class TypedTables:
         if name not in self._files:
             if len(self._files) == MOST_NAMES:
                 return
-            place = self._folder / clean_name(f"{name}.csv")
-            place = place if not place.exists() else self._folder / clean_name(f"{len(self._files)} {name}.csv")
+            place = self._folder / clean_name(f"{name}.csv", suffixes())
+            place = (
+                place if not place.exists() else self._folder / clean_name(f"{len(self._files)} {name}.csv", suffixes())
+            )
             self._files[name] = place.open("x", encoding="utf-8")
             self._files[name].write(f"{heading}\n" if heading else "")
         self._files[name].write(f"{line}\n")

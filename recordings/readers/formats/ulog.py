@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.plural import counted
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,
     MOST_COLUMNS,

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.dates import UNKNOWN, utc_ns
 from imuscope.protocols.plural import counted
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader

@@ -17,7 +17,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.definitions import RecordingAction
 from imuscope.server.extensions.alarms.instance import AlarmInstance

@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field
 
 from imuscope.protocols.transactions import DeviceContext
 from imuscope.recordings.column_store import Base, ColumnStore
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router

@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field
 
 from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.column_store import Base, ColumnStore
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, responses
 from imuscope.server.api.lazy_routes import lazy_router

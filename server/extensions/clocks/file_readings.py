@@ -10,6 +10,7 @@ from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_reading import (
     FASTEST_HZ,
     LONGEST,
@@ -18,7 +19,6 @@ from imuscope.recordings.file_reading import (
     FileReading,
 )
 from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.previewed_table import TablePreview, TableQuestion
 from imuscope.recordings.recording_probe import TABLE_FORMATS
 from imuscope.recordings.sidecar import stored_reading

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator, Mapping
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.temporary_folder import TemporaryFolder
 from imuscope.server.devices.byte_memory import LinkMemory
 from imuscope.server.devices.session import Session

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.framing import Ints
+from imuscope.protocols.arrays import Ints
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice
 from imuscope.server.devices.byte_memory import ByteRun
 

@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.parent_death import report_to_parent
 from imuscope.recordings.resource_limits import TooLong
 from imuscope.recordings.sources import SourceDevice

@@ -27,7 +27,7 @@ from urllib.parse import quote, unquote, urlsplit
 
 import h11
 
-from imuscope.recordings.explained_error import ExplainedError
+from imuscope.recordings.errors import ExplainedError
 from imuscope.server.links.source_url import is_host
 from imuscope.server.version import VERSION
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from imuscope.recordings.column_store import VERSION as COLUMNS_VERSION
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.registry import analysis_named
 from imuscope.server.extensions.analysis.report import figures_of

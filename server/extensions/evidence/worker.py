@@ -14,7 +14,7 @@ from typing import Any
 
 from imuscope.recordings.atomic_write import SHARED, write_atomic
 from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.extensions.evidence.content import About, content_of
 from imuscope.server.extensions.evidence.document import document
 from imuscope.server.extensions.evidence.request import EvidenceRequest, request_of

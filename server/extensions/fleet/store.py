@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from imuscope.recordings.explained_error import ExplainedError
+from imuscope.recordings.errors import ExplainedError
 from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.bandwidth_proxy import LimitedLine
 from imuscope.server.extensions.fleet.settings import FleetTables

@@ -24,8 +24,8 @@ import pyarrow.compute as pc
 
 from imuscope.recordings import atomic_write, file_lock, sidecar
 from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.probe import probe
 from imuscope.recordings.recording_probe import RecordingProbe
 from imuscope.recordings.temporary_folder import TemporaryFolder

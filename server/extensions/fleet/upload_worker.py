@@ -17,8 +17,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.parent_death import report_to_parent
 from imuscope.recordings.resource_limits import TooLong, bounded_by
 from imuscope.server.devices.decode_options import DecodeOptions

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from imuscope.recordings import file_lock
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.robot_settings import robot_name

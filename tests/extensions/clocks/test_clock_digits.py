@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.table_dates import utc_text
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.clocks import figures

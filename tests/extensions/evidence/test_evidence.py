@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.server.extensions.evidence.content import About
 from imuscope.server.extensions.evidence.job import evidence_work
 from imuscope.server.extensions.evidence.note_times import pieces_of

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_options import TableOptions
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode

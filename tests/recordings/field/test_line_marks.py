@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_format import format_of
 from imuscope.recordings.table_lines import LineMarks
 from imuscope.recordings.table_options import TableOptions

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.table_options import TableOptions
 from tests.each_row import each_row
 from tests.recordings.field.text_tables import EPOCH, N, read, table

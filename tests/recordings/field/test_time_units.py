@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from imuscope.recordings.mcap_writer import RecordingError
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.table_axis import TimeAxis
 from imuscope.recordings.tabular import CsvSource
 from imuscope.recordings.time_units import UNITS

@@ -17,9 +17,9 @@ import pyarrow as pa
 import pytest
 
 from imuscope.recordings.download import full_recording
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_suffixes import suffixes
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats import decompressing
 from imuscope.recordings.readers.known_files import FILES
 from tests.each_row import each_row

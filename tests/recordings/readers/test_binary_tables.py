@@ -16,8 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.table_options import TableOptions
 from imuscope.server.commands.inspect import inspect_file
 from tests.each_row import each_row

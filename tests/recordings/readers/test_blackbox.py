@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.compiled import plain
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats import blackbox_kernel
 from imuscope.recordings.readers.formats.blackbox import Blackbox
 from tests.each_row import each_row

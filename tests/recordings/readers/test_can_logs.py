@@ -15,8 +15,8 @@ from imuscope.protocols.can.lines import LINE, scan
 from imuscope.protocols.compiled import plain
 from imuscope.protocols.framing import QUANTITIES
 from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats.can_kernels import ASC, LOG, TERMINAL, read_lines, write_lines
 from imuscope.recordings.table_options import TableOptions
 from tests.each_row import each_row

@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.recordings.readers.formats import hdf5
 from imuscope.recordings.recording_probe import RecordingProbe
 from imuscope.recordings.table_options import TableOptions

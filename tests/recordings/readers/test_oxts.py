@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import RecordingError
 from imuscope.server.commands.common import readable
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
