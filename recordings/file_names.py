@@ -14,8 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.mcap_writer import SUFFIX
-
+SUFFIX = ".mcap"
 _LONGEST = 40
 LONGEST_NAME = 120
 DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # reserved names on Windows

@@ -255,6 +255,10 @@ def paced(file: BinaryIO, protocol: str) -> CaptureTiming:
     return CaptureTiming(file, permissive_decoder(protocol), utc=row.stream.utc, dated=row.stream.dated)
 
 
+def _open_packed(path: Path, protocol: str, table: TableOptions) -> Source:
+    return open_file(path, protocol, table, is_packed=True)
+
+
 def open_file(
     path: Path,
     protocol: str = "",
@@ -290,7 +294,7 @@ def open_file(
     table = table or TableOptions()
     if not is_packed and not is_complete:
         table = over(table, sidecar.chosen_reading(path, head).table)
-    request, suffix = OpenRequest(path, protocol, table, is_packed), path.suffix.lower()
+    request, suffix = OpenRequest(path, _open_packed, protocol, table, is_packed), path.suffix.lower()
     if (reader := marked_reader(head)) is not None:
         return _read(reader, request)
     log_format = vendor_logs.marked_format(head)

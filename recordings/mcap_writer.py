@@ -64,7 +64,6 @@ ChannelKey = str | tuple[str, MessageChannel]
 PROFILE = "imuscope"
 FORMAT = 1
 RAW_ENCODING = "application/octet-stream"
-SUFFIX = ".mcap"
 RECORDING, DEVICE, EDIT = "recording", "device/", "edit"
 EVENTS, NOTES, SNAPSHOT, SIGNALS = "events", "notes", "snapshot/", "signals/"
 DEVICE_KEY = "imuscope.device"

@@ -15,8 +15,8 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 from imuscope.recordings import file_lock, sidecar
+from imuscope.recordings.file_names import SUFFIX
 from imuscope.recordings.library_index import remove_index
-from imuscope.recordings.mcap_writer import SUFFIX
 from imuscope.recordings.own_recordings import is_ours
 
 BIN = ".bin"

@@ -27,12 +27,14 @@ class OpenRequest:
     """A file to be opened.
 
     Args:
+        open_packed: opens a file that an archive holds, with the protocol ("" to recognise it) and options of a table.
         protocol: of a capture in an archive; "" to recognise it.
         table: options of a table.
         is_packed: whether it comes out of an archive, so that it must not be one itself.
     """
 
     path: Path
+    open_packed: Callable[[Path, str, TableOptions], Source]
     protocol: str = ""
     table: TableOptions = field(default_factory=TableOptions)
     is_packed: bool = False

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TextIO
 
 from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_writer import SUFFIX
+from imuscope.recordings.file_names import SUFFIX
 from imuscope.server import wire
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.timings import ConfigurationTimings

@@ -15,7 +15,7 @@ from itertools import islice
 from pathlib import Path
 
 from imuscope.recordings import file_lock
-from imuscope.recordings.mcap_writer import SUFFIX
+from imuscope.recordings.file_names import SUFFIX
 from imuscope.recordings.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
 from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker

@@ -29,6 +29,7 @@ from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES, pack
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import add_outer_damage, remark
+from imuscope.recordings.table_options import TableOptions
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source
@@ -150,19 +151,18 @@ def temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: Ca
 
 def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
     """The content of an archive as one source."""
-    from imuscope.recordings.importers import open_file
     from imuscope.recordings.readers.formats.table_set import TableSet
     from imuscope.recordings.tabular import TableSource
 
     if any(file.name == METADATA for file in files) and len(files) > 1:
-        return open_file(folder, is_packed=True)
+        return request.open_packed(folder, "", TableOptions())
     if sensor_folders(folder) or packet_folder(folder) is not None:
-        return open_file(folder, "", request.table, is_packed=True)
+        return request.open_packed(folder, "", request.table)
     sources: list[Source] = []
     errors: dict[str, RecordingError] = {}
     for file in files:
         try:
-            sources.append(open_file(file, request.protocol, request.table, is_packed=True))
+            sources.append(request.open_packed(file, request.protocol, request.table))
         except RecordingError as error:
             errors[file.name] = error
         if len(sources) > MOST_TABLES:
