@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Array
-from imuscope.protocols.schema import Message
+from imuscope.protocols.schema.fields import Message
 
 
 class LazyMapping(Mapping[str, Any]):

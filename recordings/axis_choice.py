@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuscope.protocols.registry import unit_flag
+from imuscope.protocols.registry.families import unit_flag
 from imuscope.recordings.clock_search import clocks_of
 from imuscope.recordings.table_clock import AmbiguousTableError, Epoch, TableClock
 from imuscope.recordings.table_dates import WEEK

@@ -30,9 +30,9 @@ from typing import BinaryIO
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.dates import UNKNOWN
+from imuscope.protocols.clocks.dates import UNKNOWN
+from imuscope.protocols.embedded.gnss_time import GnssClock
 from imuscope.protocols.events import Batch, ClockStep, Decoder, Event, Reply, Text
-from imuscope.protocols.gnss_time import GnssClock
 
 BLOCK_BYTES = 1 << 16
 BLIND_BYTES = 1 << 16

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
+from imuscope.protocols.embedded.gnss_time import TIME_AT
+from imuscope.protocols.embedded.nmea import checksum
 from imuscope.protocols.events import RejectedFrame
-from imuscope.protocols.gnss_time import TIME_AT
-from imuscope.protocols.nmea import checksum
-from imuscope.protocols.registry import PROTOCOLS, permissive_decoder
+from imuscope.protocols.registry.families import PROTOCOLS, permissive_decoder
 
 FEWEST = 5  # frames
 MOST = 0.8  # of the frames or lines are such

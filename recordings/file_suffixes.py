@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 
-from imuscope.protocols.plugins import plugins_of_others
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.family.plugins import plugins_of_others
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.recordings import vendor_logs
 
 READER_PLUGINS = "imuscope.readers"  # entry points of other packages

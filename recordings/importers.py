@@ -23,8 +23,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from imuscope.protocols.family import Damage, LogFormat, ProtocolInfo
-from imuscope.protocols.registry import PROTOCOLS, detect, permissive_decoder
+from imuscope.protocols.family.info import Damage, LogFormat, ProtocolInfo
+from imuscope.protocols.registry.families import PROTOCOLS, detect, permissive_decoder
 from imuscope.recordings import sidecar, vendor_logs
 from imuscope.recordings.capture_timing import CaptureTiming
 from imuscope.recordings.damaged_capture import checked, damaged_frames, damaged_sentences, has_unchecked_sentences

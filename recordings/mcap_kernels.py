@@ -6,7 +6,7 @@ Source: MCAP specification, "Records".
 from __future__ import annotations
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.compiled import BYTES, FOUR, INT, TABLE, compiled
+from imuscope.protocols.native.kernels import BYTES, FOUR, INT, TABLE, compiled
 
 TORN, FULL, AT_END = -1, -2, -3
 

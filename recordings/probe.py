@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 
-from imuscope.protocols.registry import detect
+from imuscope.protocols.registry.families import detect
 from imuscope.recordings import sidecar, vendor_logs
 from imuscope.recordings.errors import RecordingError, check_format_version
 from imuscope.recordings.file_suffixes import ALWAYS_LISTED, TABLES

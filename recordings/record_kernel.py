@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 
 from imuscope.protocols.arrays import Array, Ints
-from imuscope.protocols.compiled import INT, INTS, TABLE, ArrayType, LibraryFunction, compiled, fence
+from imuscope.protocols.native.kernels import INT, INTS, TABLE, ArrayType, LibraryFunction, compiled, fence
 
 BUFFER, ENDS, ARRIVALS, STATE, OFFSET, CHANNEL, TAKE_COUNT, MESSAGES, FIRST, LAST = range(10)  # rows of `links`
 WRITTEN, SIZE, PART = 0, 1, 2  # positions in `counters`

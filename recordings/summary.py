@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.registry import counts_losses
+from imuscope.protocols.registry.families import counts_losses
 from imuscope.recordings.column_store import ColumnStore, ExactRows
 from imuscope.recordings.recording_probe import RecordedDevice
 

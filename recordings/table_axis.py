@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.plural import counted
-from imuscope.protocols.registry import unit_flag
+from imuscope.protocols.registry.families import unit_flag
+from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.clock_steps import ClockWatch, Floats, repeats_words, shifted
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import DAY, dated_name

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.dates import UNKNOWN, S, utc_ns
+from imuscope.protocols.clocks.dates import UNKNOWN, S, utc_ns
 from imuscope.recordings import hexadecimal
 from imuscope.recordings.table_clock import TableClock
 from imuscope.recordings.table_dates import GPS_EPOCH, Order, seconds_of_day, unix_seconds

@@ -1,7 +1,7 @@
 """Options of a table: information from the user on its columns that the file does not contain.
 
     --time-column timestamp      heading or number (from 1) of the column of times; "none": count the rows
-    a decode option for "unit"   of its numbers: s, ms, us, ns (protocols/decode_options.py, `table_role`)
+    a decode option for "unit"   of its numbers: s, ms, us, ns (protocols/family/decode_options.py, `table_role`)
     --date-order dmy             whether 01/02/2026 is in January (mdy) or in February (dmy)
     --rate 100                   samples per second, where no column has times, or to determine their unit
     --columns FILE               names and units, a line a column: HEADING or NUMBER = NAME (UNIT)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.plural import counted, plural
+from imuscope.protocols.schema.plural import counted, plural
 from imuscope.recordings import hexadecimal
 from imuscope.recordings.axis_choice import axis_of_table
 from imuscope.recordings.clock_steps import ClockWatch, periods_of

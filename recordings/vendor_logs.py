@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.family import LogFormat, LogName, ProtocolInfo
-from imuscope.protocols.registry import log_formats
+from imuscope.protocols.family.info import LogFormat, LogName, ProtocolInfo
+from imuscope.protocols.registry.families import log_formats
 from imuscope.recordings.regular_file import read_regular
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from imuscope.protocols.decode_options import DecodeOption
-from imuscope.protocols.family import ProtocolInfo
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.family.decode_options import DecodeOption
+from imuscope.protocols.family.info import ProtocolInfo
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.recordings.exporters import FORMATS
 from imuscope.recordings.optional_packages import lacks
 from imuscope.server.capabilities import (

@@ -143,7 +143,7 @@ class Config:
         sources: opened at start; not set: simulators of all device families. An empty list is none.
         protocol: of those sources; "" to detect it.
         decode_options: of those sources, as written: each a setting of its own, by the name that a protocol family
-            declares (protocols/decode_options.py); secrets may be @FILE, files are named.
+            declares (protocols/family/decode_options.py); secrets may be @FILE, files are named.
         rollback_s: time to confirm settings that could have cut the link, before they are rolled back.
         history_s, memory_mb: limits of the sample history, whichever is reached first.
         bytes_mb: of memory_mb, for the bytes of live links (server/devices/byte_memory.py); at most a quarter of it.

@@ -20,8 +20,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from imuscope.protocols.decode_options import Scope
-from imuscope.protocols.plugins import ProtocolPlugin, each_usable, plugins_of
+from imuscope.protocols.family.decode_options import Scope
+from imuscope.protocols.family.plugins import ProtocolPlugin, each_usable, plugins_of
 from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.server.capabilities import AbsentExtension
 from imuscope.server.extension_settings import settings_problems
@@ -48,7 +48,7 @@ class ExtensionCommand:
         name: as it is typed: "calibrate".
         adds: "module:function" that adds its parser, and returns it.
         runs: "module:function" that runs it with the options, and returns the exit status. Both import nothing heavy.
-        scope: which decode options it has (protocols/decode_options.py); "" for none.
+        scope: which decode options it has (protocols/family/decode_options.py); "" for none.
         protocol_help: help of `--protocol`, with a scope.
         reads_file: whether it writes temporary files, which are removed when it is terminated.
         has_data: whether it has `--data`.

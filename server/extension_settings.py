@@ -16,7 +16,7 @@ from dataclasses import fields, is_dataclass
 from importlib import import_module
 from typing import Any, ClassVar
 
-from imuscope.protocols.plugins import ProtocolPlugin, each_usable, plugins_of
+from imuscope.protocols.family.plugins import ProtocolPlugin, each_usable, plugins_of
 
 GROUP = "imuscope.settings"
 

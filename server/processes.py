@@ -127,7 +127,7 @@ def unblock_steps(place: str, name: str) -> tuple[str, ...]:
     Args:
         name: of the program.
     """
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry.families import PROTOCOLS  # imported on first use, because it loads compiled code
 
     path = SHARED_PATH
     known = [(head, words) for one in PROTOCOLS.values() for head, words in one.device.host_drivers.items()]

@@ -17,7 +17,7 @@ from __future__ import annotations
 import time
 
 from imuscope.protocols.arrays import Array, Ints
-from imuscope.protocols.compiled import INT, INTS, ArrayType, LibraryFunction, compiled, fence
+from imuscope.protocols.native.kernels import INT, INTS, ArrayType, LibraryFunction, compiled, fence
 
 ROOM_BYTES = 1 << 12  # a tty returns at most so much at once
 SECOND_NS = 1_000_000_000

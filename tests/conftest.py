@@ -33,7 +33,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
-from imuscope.protocols import compiled
+from imuscope.protocols.native import kernels as compiled
 from imuscope.recordings import priority
 from tests import browser_engine, chromium, each_row, fork_server, forked_workers, server_process
 from tests.checking import machine
@@ -98,10 +98,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Require machine code of the very source that is tested."""
     each_row.only = config.getoption("row")
-    from imuscope.protocols import registry  # noqa: F401 (its modules have the functions)
+    from imuscope.protocols.registry import families as registry  # noqa: F401 (its modules have the functions)
 
     if not compiled.DISABLED and (names := compiled.missing()):
-        command = "python -m imuscope.protocols.compiler"
+        command = "python -m imuscope.protocols.native.compiler"
         pytest.exit(f"{len(names)} functions have no machine code, {names[0]} first: {command}", returncode=3)
 
 

@@ -20,9 +20,9 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.protocols.plugins import protocol_plugins
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.family.plugins import protocol_plugins
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.reference.blocks import anchor
 from tests import architecture_pictures
 from tests.browser.guide_pictures import FOLDER, MAX_BYTES, MOVING_MAX_BYTES, PAINTERS
@@ -155,7 +155,7 @@ ONE_PLACE = {
 # Files that start processes without the worker, and why.
 STARTS_A_PROCESS = {
     "server/extensions/shares/shared_port_link.py": "the holder outlives the server",
-    "protocols/compiler/build.py": "runs the C compiler when a package is built, never in a server",
+    "protocols/native/compiler/build.py": "runs the C compiler when a package is built, never in a server",
     "server/version.py": "asks git once; the build of the package runs it without ours",
     "server/extensions/rerun/assets.py": "runs once in a thread, at the first opening of the page",
 }
@@ -345,7 +345,7 @@ def test_only_the_server_uses_network_and_clock(house: str, forbidden: set[str])
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {module}"
         for path in python_files(house)
-        if path != ROOT / "protocols/compiler/build.py"  # runs when a package is built
+        if path != ROOT / "protocols/native/compiler/build.py"  # runs when a package is built
         for line, module in facts_of(path).imports
         if module.split(".")[0] in forbidden
     ]

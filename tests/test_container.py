@@ -24,7 +24,8 @@ PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
 START = """
 import sys
 from pathlib import Path
-from imuscope.protocols import compiled, registry
+from imuscope.protocols.native import kernels as compiled
+from imuscope.protocols.registry import families as registry
 assert registry.detect(bytes.fromhex("fa ff 36 05 10 20 02 00 01 93" * 20))[0].protocol == "xbus"
 print(compiled.is_complete())
 """

@@ -11,7 +11,7 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
-from imuscope.protocols.plural import counted, plural
+from imuscope.protocols.schema.plural import counted, plural
 from tests.each_row import each_row
 from tests.identifier_names import SUSPECT, bound_names, is_wrong
 from tests.source_files import ROOT, facts_of, module_docstring, python_files, text_of, tree_of

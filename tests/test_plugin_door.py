@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import imuscope.plugin
-from imuscope.protocols import plugins
-from imuscope.protocols.plugins import API_VERSION, ProtocolPlugin, plugins_of_others
-from imuscope.protocols.registry import load_families
+from imuscope.protocols.family import plugins
+from imuscope.protocols.family.plugins import API_VERSION, ProtocolPlugin, plugins_of_others
+from imuscope.protocols.registry.families import load_families
 from tests.source_files import ROOT, facts_of, python_files
 
 DOCUMENTS = sorted((ROOT / "docs").glob("add-*.md"))
@@ -46,7 +46,7 @@ def test_plug_ins_and_documents_use_public_names_only() -> None:
 
 
 def test_no_record_of_a_family_has_more_than_ten_members() -> None:
-    family = import_module("imuscope.protocols.family")
+    family = import_module("imuscope.protocols.family.info")
     names = ("ProtocolInfo", "FrameFormat", "Decoding", "StreamTraits", "DeviceTraits", "ConfigurationTraits")
     for name in (*names, "VendorLogs", "PageWords"):
         assert len(getattr(family, name).__dataclass_fields__) <= 10, name

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from imuscope.protocols.plugins import ProtocolPlugin
+from imuscope.protocols.family.plugins import ProtocolPlugin
 from imuscope.server.extension import GROUP, load_extensions
 from tests import fork_server
 from tests.chromium import until

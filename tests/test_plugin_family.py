@@ -18,8 +18,8 @@ import pytest
 from websockets.sync.client import connect
 
 from imuscope.protocols.events import Batch
-from imuscope.protocols.plugins import GROUP
-from imuscope.protocols.registry import ProtocolInfo, load_families
+from imuscope.protocols.family.plugins import GROUP
+from imuscope.protocols.registry.families import ProtocolInfo, load_families
 from imuscope.protocols.simulator.family import SimulatorRequest
 from imuscope.recordings.importers import open_file
 from tests import fork_server
@@ -237,7 +237,7 @@ def test_a_package_that_cannot_be_loaded_is_reported_and_stops_nothing(server: S
 
 
 def test_duplicate_names_and_invalid_families() -> None:
-    from imuscope.protocols.plugins import ProtocolPlugin
+    from imuscope.protocols.family.plugins import ProtocolPlugin
 
     families, problems = load_families(
         [

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.recordings.exporters.registry import ExportFormat, register_exporter
 from imuscope.server.links.registry import LinkDefinition, link_kinds, register_link
 from tests import fork_server

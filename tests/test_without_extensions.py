@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from imuscope.protocols.plugins import plugins_of, protocol_plugins
+from imuscope.protocols.family.plugins import plugins_of, protocol_plugins
 from imuscope.server.extension import extensions
 from imuscope.server.extension_settings import GROUP, SHIPPED, extension_settings
 from imuscope.server.services import Services

@@ -11,9 +11,19 @@ from __future__ import annotations
 from collections import deque
 from typing import Any, Protocol
 
+from imuscope.protocols.commands.transactions import (
+    Act,
+    Note,
+    PutBack,
+    ReopenLink,
+    Send,
+    Sleep,
+    T,
+    Transaction,
+    WaitFor,
+)
 from imuscope.protocols.events import Decoder, Event
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import Act, Note, PutBack, ReopenLink, Send, Sleep, T, Transaction, WaitFor
+from imuscope.protocols.registry.families import PROTOCOLS
 
 STEP_NS = 1_000_000  # how finely time passes while something is awaited
 

@@ -1,7 +1,7 @@
 """Build of the page, from web/ into server/page/, on machines without Node; and of what else the package needs built.
 
     web/src, index.html, …  ── npm ci ──> web/node_modules ── vite build ──> server/page/ ── gzip, brotli ──> *.gz, *.br
-    kernels in Python       ── protocols/compiler ──> C ── zig cc ──> imuscope/native/*.so
+    kernels in Python       ── protocols/native/compiler ──> C ── zig cc ──> imuscope/native/*.so
 
 This file is the build hook of the Python package (`pyproject.toml` names it), so `uv run`, `pip install .` and
 `python -m build` make both on the way; `python web/build.py` does the same by hand. Node comes from the wheel
@@ -142,7 +142,7 @@ def build_native() -> bool:
     stamp = digest(kernel_sources(), ROOT)
     NATIVE_STAMP.unlink(missing_ok=True)
     print("imuscope: machine code", file=sys.stderr, flush=True)
-    done = _run([sys.executable, "-m", "imuscope.protocols.compiler"], ROOT)
+    done = _run([sys.executable, "-m", "imuscope.protocols.native.compiler"], ROOT)
     if done.returncode:
         raise BuildError(done.stdout.strip().removeprefix("imuscope: "))
     NATIVE_STAMP.write_text(stamp)

@@ -31,12 +31,12 @@ from imuscope.protocols.can.definition import KINDS, CanDefinition, default_defi
 from imuscope.protocols.can.grouping import COUNT, STATES, group_frames
 from imuscope.protocols.can.lines import DATA, DEFINITION, payloads, scan
 from imuscope.protocols.can.rows import CanRow
-from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
-from imuscope.protocols.dates import UNKNOWN, utc_ns
+from imuscope.protocols.clocks.counters import SequenceCounter, TickUnwrapper
+from imuscope.protocols.clocks.dates import UNKNOWN, utc_ns
 from imuscope.protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap, stream_order
-from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE
-from imuscope.protocols.schema import Field, Message
-from imuscope.protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
+from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, OFFSET, SENDER, SIZE
+from imuscope.protocols.framing.stream_parser import ParseResult, StreamDecoder, StreamParser
+from imuscope.protocols.schema.fields import Field, Message
 
 FRAME_BYTES = 8
 GROUP, APART = "SampleGroup", "HighRate"

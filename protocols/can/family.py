@@ -6,7 +6,7 @@ from imuscope.protocols.can.decoder import COUNTER, CanDecoder, utc_of
 from imuscope.protocols.can.definition import KINDS
 from imuscope.protocols.can.lines import scan
 from imuscope.protocols.can.listing import CanLister
-from imuscope.protocols.family import (
+from imuscope.protocols.family.info import (
     Decoding,
     DeviceTraits,
     FrameFormat,
@@ -15,7 +15,7 @@ from imuscope.protocols.family import (
     StreamTraits,
     position_of_columns,
 )
-from imuscope.protocols.schema import Message
+from imuscope.protocols.schema.fields import Message
 
 FAMILY = ProtocolInfo(
     "can",

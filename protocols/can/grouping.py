@@ -9,7 +9,7 @@ and after a pause. Each frame is decided from those before it alone.
 from __future__ import annotations
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.compiled import INT, INTS, compiled
+from imuscope.protocols.native.kernels import INT, INTS, compiled
 
 MASK, LAST, COUNT = range(3)
 """Of the state: messages of the open group as bits, arrival of its newest frame, groups begun so far."""

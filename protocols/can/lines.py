@@ -14,8 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled
-from imuscope.protocols.framing import (
+from imuscope.protocols.framing.stream_buffer import (
     BAD_ITEM,
     BODY,
     FRAME,
@@ -28,6 +27,7 @@ from imuscope.protocols.framing import (
     STATUS,
     TRUNCATED,
 )
+from imuscope.protocols.native.kernels import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled
 
 DATA, REQUEST, FD, ERROR, DEFINITION = range(5)
 """Kinds of lines, in the row SENDER of a table."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from imuscope.protocols.can.definition import CanDefinition, default_definition, identifier_text, read_definition
 from imuscope.protocols.can.lines import DATA, DEFINITION, scan
-from imuscope.protocols.frame_lines import FrameLine, frame_lines
-from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER
-from imuscope.protocols.stream_parser import StreamParser
+from imuscope.protocols.framing.frame_lines import FrameLine, frame_lines
+from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, SENDER
+from imuscope.protocols.framing.stream_parser import StreamParser
 
 KINDS = ("", "request", "CAN FD", "error")
 

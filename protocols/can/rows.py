@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.layouts import Layout, size_of
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import Layout, size_of
 
 Array = NDArray[Any]
 Payloads = NDArray[np.uint8]

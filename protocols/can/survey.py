@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.can.definition import KINDS, CanDefinition, identifier_text, number_of
 from imuscope.protocols.can.rows import CanDeviceKind, CanRow
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 
 FITTING = 0.9  # of the frames of an identifier
 FEWEST, FEWEST_LENGTHS = 3, 2  # messages with a base

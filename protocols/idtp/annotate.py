@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from imuscope.protocols.commands.transactions import ByteRange
 from imuscope.protocols.idtp.commands import reading_fields
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import HEADER, HEADER_SIZE, MODES, PREAMBLE, TRAILERS, TYPE_AT
 from imuscope.protocols.idtp.payloads import row_of
-from imuscope.protocols.layouts import size_of, unpack
-from imuscope.protocols.transactions import ByteRange
+from imuscope.protocols.schema.layouts import size_of, unpack
 
 _WORDS = ((4, 4, "timestamp"), (8, 4, "sequence"), (12, 2, "device_id"), (14, 2, "payload_size"))
 _TRAILER = ("", "CRC-32", "HMAC-SHA256")
@@ -30,7 +30,7 @@ def name_of(frame: bytes, schema: Schema) -> str:
 
 
 def annotate(frame: bytes, schema: Schema) -> list[ByteRange]:
-    """See imuscope.protocols.transactions.DeviceDriver.annotate."""
+    """See imuscope.protocols.commands.transactions.DeviceDriver.annotate."""
     if not name_of(frame, schema):
         return [ByteRange(0, len(frame), "unknown")] if frame else []
     return list(_frame(frame, schema))

@@ -18,7 +18,7 @@ from dataclasses import replace
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import LITE, MAJOR, MAX_PAYLOAD, SAFETY, VERSION
 from imuscope.protocols.idtp.messages import MESSAGES, MODE_NAMES, SECTION, WIRE
-from imuscope.protocols.schema import Command, Field, Message
+from imuscope.protocols.schema.fields import Command, Field, Message
 
 G_STANDARD, G_VENDOR = "Standard payloads", "Vendor payloads"
 ANY = "Frame"

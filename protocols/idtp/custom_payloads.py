@@ -37,8 +37,8 @@ from typing import Any
 
 from imuscope.protocols.idtp.frames import MAX_PAYLOAD
 from imuscope.protocols.idtp.messages import BY_NAME
-from imuscope.protocols.layouts import size_of
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.schema.fields import Field, Message
+from imuscope.protocols.schema.layouts import size_of
 
 TYPES: Mapping[str, str] = {
     **{f"{kind}{8 * size}": f"<{kind}{size}" for kind in "iu" for size in (2, 4, 8)},

@@ -31,11 +31,20 @@ from typing import Any, get_args
 import numpy as np
 
 from imuscope.protocols.arrays import UINT8, Bytes, Ints
-from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
-from imuscope.protocols.counters import TickUnwrapper
+from imuscope.protocols.clocks.counters import TickUnwrapper
 from imuscope.protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap, stream_order
-from imuscope.protocols.framing import BAD_VERSION, BODY, OFFSET, REASONS, SENDER, SIZE, SUCCESSOR, one_number
-from imuscope.protocols.grouping import group
+from imuscope.protocols.framing.grouping import group
+from imuscope.protocols.framing.stream_buffer import (
+    BAD_VERSION,
+    BODY,
+    OFFSET,
+    REASONS,
+    SENDER,
+    SIZE,
+    SUCCESSOR,
+    one_number,
+)
+from imuscope.protocols.framing.stream_parser import StreamDecoder
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
 from imuscope.protocols.idtp.payloads import DecodedPayload, Payload, Rotation
@@ -52,8 +61,8 @@ from imuscope.protocols.idtp.replay_guard import (
 )
 from imuscope.protocols.idtp.stream_parser import ClassifiedFrames, IdtpStream
 from imuscope.protocols.idtp.units import UNITS, UnitWatch
-from imuscope.protocols.schema import Direction, Message
-from imuscope.protocols.stream_parser import StreamDecoder
+from imuscope.protocols.native.kernels import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, unsigned
+from imuscope.protocols.schema.fields import Direction, Message
 
 WRAP = 2**32
 KNOWN_MINOR = 1
@@ -74,7 +83,7 @@ def gather(
     """Copy the payloads of a group into the rows of one array, with offset, arrival and time of each frame.
 
     Args:
-        table, judged, arrivals, times: of all frames, see protocols/framing.py and replay_guard.py.
+        table, judged, arrivals, times: of all frames, see protocols/framing/stream_buffer.py and replay_guard.py.
         which: (n,) the frames that belong to the group.
         start: position of `data` in the stream.
         rows: (n, size), written.

@@ -10,15 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.events import Batch, Event, Reply
-from imuscope.protocols.idtp import annotate as annotated
-from imuscope.protocols.idtp.commands import ANY, DATA, HEADER, TYPE, commands
-from imuscope.protocols.idtp.custom_payloads import Schema
-from imuscope.protocols.idtp.json_codec import frame_from_json
-from imuscope.protocols.idtp.messages import MESSAGES
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.schema import Command
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     ByteRange,
     DeviceContext,
     DeviceDriver,
@@ -26,13 +18,21 @@ from imuscope.protocols.transactions import (
     Transaction,
     WaitFor,
 )
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.idtp import annotate as annotated
+from imuscope.protocols.idtp.commands import ANY, DATA, HEADER, TYPE, commands
+from imuscope.protocols.idtp.custom_payloads import Schema
+from imuscope.protocols.idtp.json_codec import frame_from_json
+from imuscope.protocols.idtp.messages import MESSAGES
+from imuscope.protocols.schema.fields import Command
+from imuscope.protocols.schema.layouts import EncodeError
 
 Values = Mapping[str, Any]
 ALIVE_S = 1.5
 
 
 class IdtpDriver(DeviceDriver):
-    """See imuscope.protocols.transactions.DeviceDriver.
+    """See imuscope.protocols.commands.transactions.DeviceDriver.
 
     Args:
         schema: rows of the vendor's own payload types, see custom_payloads.py.

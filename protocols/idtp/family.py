@@ -6,8 +6,8 @@ import secrets
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.composer import FrameRecord, ProtocolComposer
-from imuscope.protocols.family import (
+from imuscope.protocols.commands.composer import FrameRecord, ProtocolComposer
+from imuscope.protocols.family.info import (
     ConfigurationTraits,
     Decoding,
     DeviceTraits,

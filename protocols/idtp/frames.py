@@ -43,9 +43,8 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.checksums import CRC8_END, CRC8_START, crc8_autosar, crc8_block, crc32_autosar
-from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, TABLE, compiled, inlined, unsigned
-from imuscope.protocols.framing import (
+from imuscope.protocols.framing.checksums import CRC8_END, CRC8_START, crc8_autosar, crc8_block, crc32_autosar
+from imuscope.protocols.framing.stream_buffer import (
     BAD_CRC8,
     BAD_CRC32,
     BAD_HMAC,
@@ -66,6 +65,7 @@ from imuscope.protocols.framing import (
     TRUNCATED,
     Scan,
 )
+from imuscope.protocols.native.kernels import BYTES, FLAG, FOUR, INT, TABLE, compiled, inlined, unsigned
 
 PREAMBLE, SUCCESSOR_PREAMBLE = b"IDTP", b"INDT"
 HEADER = struct.Struct("<4sIIHHBBB")  # without its CRC-8
@@ -240,7 +240,7 @@ class FrameAuthenticator:
 
 
 def scanner(key: bytes | None = None, min_mode: int = LITE, *, show_unverified: bool = False) -> Scan:
-    """A scan for protocols/framing.py.
+    """A scan for protocols/framing/stream_buffer.py.
 
     Args:
         key: for Secure frames.

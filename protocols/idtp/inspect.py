@@ -2,7 +2,7 @@
 
 The score is the share of bytes in valid frames; a Secure frame counts by its header, which needs no key.
 
-The list (protocols/frame_lines.py) has every accepted frame, and every reject.
+The list (protocols/framing/frame_lines.py) has every accepted frame, and every reject.
 
 `verified` is false for a Secure frame that was accepted without a key. `notes` lists irregularities of a frame:
 
@@ -20,8 +20,8 @@ from collections import Counter
 from typing import Any
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.frame_lines import FrameLine, frame_lines
-from imuscope.protocols.framing import BAD_VERSION, ID, REASONS, SIZE, SUCCESSOR
+from imuscope.protocols.framing.frame_lines import FrameLine, frame_lines
+from imuscope.protocols.framing.stream_buffer import BAD_VERSION, ID, REASONS, SIZE, SUCCESSOR
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import MAJOR, SECURE, VERSION, version_at
 from imuscope.protocols.idtp.json_codec import frame_to_json

@@ -24,8 +24,8 @@ from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import HEADER, HEADER_SIZE, LITE, MAJOR, SECURE, VERSION, build
 from imuscope.protocols.idtp.messages import BY_NAME, SECTION, WIRE
 from imuscope.protocols.idtp.payloads import row_of
-from imuscope.protocols.layouts import EncodeError, bytes_of_hex, pack, size_of, unpack
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.schema.fields import Field, Message
+from imuscope.protocols.schema.layouts import EncodeError, bytes_of_hex, pack, size_of, unpack
 
 Plain = dict[str, Any]
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from imuscope.protocols.schema import Bits, Field, Message
+from imuscope.protocols.schema.fields import Bits, Field, Message
 
 STANDARD_END = 0x07  # the first number without a meaning
 SECTION = "IDTP v2.1.0, section 4.5.1"

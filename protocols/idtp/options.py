@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from imuscope.protocols.decode_options import DecodeOption
-from imuscope.protocols.family import RejectRemedy
+from imuscope.protocols.family.decode_options import DecodeOption
+from imuscope.protocols.family.info import RejectRemedy
 from imuscope.protocols.idtp.custom_payloads import parse, written
 
 MODES = ("lite", "safety", "secure")

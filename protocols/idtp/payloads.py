@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.compiled import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.messages import (
     BY_ID,
@@ -35,8 +34,9 @@ from imuscope.protocols.idtp.messages import (
     rest,
     status_of,
 )
-from imuscope.protocols.layouts import Layout, LazyColumns, element, size_of
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.native.kernels import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
+from imuscope.protocols.schema.fields import Field, Message
+from imuscope.protocols.schema.layouts import Layout, LazyColumns, element, size_of
 
 Array = NDArray[Any]
 Rotation = Literal["enu_from_body", "body_from_enu"]

@@ -43,7 +43,9 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import INT64, Bytes, Ints
-from imuscope.protocols.compiled import (
+from imuscope.protocols.framing.stream_buffer import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, ScanCapacity
+from imuscope.protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
+from imuscope.protocols.native.kernels import (
     BYTES,
     FLAG,
     FOUR,
@@ -57,8 +59,6 @@ from imuscope.protocols.compiled import (
     inlined,
     unsigned,
 )
-from imuscope.protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, ScanCapacity
-from imuscope.protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
 
 FAR = 1 << 16
 HALF = 1 << 31
@@ -227,7 +227,7 @@ def classify(
     """Judge n frames in stream order, and read their headers.
 
     Args:
-        table: of the accepted frames, see protocols/framing.py.
+        table: of the accepted frames, see protocols/framing/stream_buffer.py.
         arrival: (n,) ns.
         states: (2^18, STATES), updated.
         check: False accepts every number, and only counts losses.

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from imuscope.protocols import rotations
 from imuscope.protocols.idtp.frames import MODES, SAFETY, SECURE, build
 from imuscope.protocols.idtp.messages import ACCELERATION, BY_NAME, FIELD, PRESSURE, QUATERNION, RATE
-from imuscope.protocols.schema import Message
+from imuscope.protocols.schema.fields import Message
 from imuscope.protocols.simulator import trajectory
 
 Array = NDArray[Any]

@@ -1,6 +1,6 @@
 """Parser of an IDTP stream, chunk by chunk: accepted frames and rejects.
 
-    chunks ──> protocols/stream_parser.py ──> intact, genuine frames ──> replay_guard.py ──> new frames
+    chunks ──> protocols/framing/stream_parser.py ──> intact, genuine frames ──> replay_guard.py ──> new frames
                         └─> RejectedFrame: damaged, forged, too weak          └─> RejectedFrame: stale, far_ahead
 
 Both the decoder (columns) and the listing (one line a frame) build on this. On a link of datagrams no frame crosses
@@ -20,11 +20,11 @@ import numpy as np
 
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import RejectedFrame
-from imuscope.protocols.framing import OFFSET, REASONS, SENDER, SIZE
+from imuscope.protocols.framing.stream_buffer import OFFSET, REASONS, SENDER, SIZE
+from imuscope.protocols.framing.stream_parser import ParseResult as Whole
+from imuscope.protocols.framing.stream_parser import StreamParser
 from imuscope.protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
 from imuscope.protocols.idtp.replay_guard import LOST, MASK, TAKEN_BACK, ReplayGuard, ReplayVerdict
-from imuscope.protocols.stream_parser import ParseResult as Whole
-from imuscope.protocols.stream_parser import StreamParser
 
 
 @dataclass(slots=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from imuscope.protocols.family.support_tables import SupportTable
 from imuscope.protocols.idtp.messages import MESSAGES, MODE_NAMES
-from imuscope.protocols.schema import Field
-from imuscope.protocols.support_tables import SupportTable
+from imuscope.protocols.schema.fields import Field
 
 CHECKS = {0: "CRC-8", 1: "CRC-32", 2: "HMAC-SHA256; requires the device's key"}
 

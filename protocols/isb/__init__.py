@@ -32,9 +32,9 @@
 Source: Inertial Sense binary protocol document; inertial-sense-sdk 2.7.1.
 """
 
+from imuscope.protocols.embedded.nmea import add_sentences
 from imuscope.protocols.isb import sentences
-from imuscope.protocols.labels import add_acronyms
-from imuscope.protocols.nmea import add_sentences
+from imuscope.protocols.schema.labels import add_acronyms
 
 add_sentences(sentences.ROWS, sentences.PAIRS)
 add_acronyms("GPX", "IMX")

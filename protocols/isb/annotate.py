@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from imuscope.protocols.commands.transactions import ByteRange
 from imuscope.protocols.isb.commands import SYSTEM_COMMANDS
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.frames import DATA, FIRST, HEADER, SECOND, SET_DATA, TRAILER, TYPE_MASK, TYPES, WITH_OFFSET
 from imuscope.protocols.isb.json_codec import described
 from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, ROWS, set_row
-from imuscope.protocols.layouts import size_of, unpack
-from imuscope.protocols.schema import Field
-from imuscope.protocols.transactions import ByteRange
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import size_of, unpack
 
 MAX_ELEMENTS = 64  # list elements annotated one by one; a longer list is one span
 
@@ -44,8 +44,8 @@ def name_of(frame: bytes) -> str:
 
 
 def annotate(frame: bytes) -> list[ByteRange]:
-    """See imuscope.protocols.transactions.DeviceDriver.annotate; bytes that are neither a packet nor a sentence are one
-    span.
+    """See imuscope.protocols.commands.transactions.DeviceDriver.annotate; bytes that are neither a packet nor a
+    sentence are one span.
     """
     if frame[:1] == b"$":
         return list(_sentence(frame))

@@ -19,11 +19,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from imuscope.protocols.commands.transactions import LinkLoad, OutputLoad
 from imuscope.protocols.isb.commands import NMEA_MESSAGES
 from imuscope.protocols.isb.frames import HEADER, TRAILER
 from imuscope.protocols.isb.stored_settings import STREAMS_SETTING
 from imuscope.protocols.isb.streams import DEFAULT_MS, EVENT, FAST, GNSS, IMU, NAV, ONE_PERIOD, STREAMS
-from imuscope.protocols.transactions import LinkLoad, OutputLoad
 
 Values = Mapping[str, Any]
 STEPS = (1, 2, 4, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
@@ -73,7 +73,7 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
 
 
 def load(settings: Mapping[str, Values]) -> LinkLoad:
-    """See imuscope.protocols.transactions.DeviceDriver.load."""
+    """See imuscope.protocols.commands.transactions.DeviceDriver.load."""
     sources, now = sources_of(settings), in_effect(settings)
     parts: list[OutputLoad] = []
     limits: list[str] = []
@@ -143,8 +143,8 @@ def _sentence_load(name: str, one: Values, sources: Mapping[str, float]) -> floa
 
 
 def fit(settings: Mapping[str, Values], capacity: float) -> Mapping[str, Values]:
-    """See imuscope.protocols.transactions.DeviceDriver.fit_rates. If even the slowest rates do not fit, they are
-    returned.
+    """See imuscope.protocols.commands.transactions.DeviceDriver.fit_rates. If even the slowest rates do not fit, they
+    are returned.
     """
     if STREAMS_SETTING not in settings:
         return settings

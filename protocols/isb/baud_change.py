@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from imuscope.protocols.commands.transactions import BaudChange, DeviceContext
 from imuscope.protocols.isb.stored_settings import STREAMS_SETTING
-from imuscope.protocols.transactions import BaudChange, DeviceContext
 
 Values = Mapping[str, Any]
 PORTS = {"ser0BaudRate": "serial port 0", "ser1BaudRate": "serial port 1", "ser2BaudRate": "serial port 2"}
@@ -23,7 +23,7 @@ _IO = "The pin functions of the device change; the port of this link may be reas
 
 
 def line_change(setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
-    """See imuscope.protocols.transactions.DeviceDriver.line_change."""
+    """See imuscope.protocols.commands.transactions.DeviceDriver.line_change."""
     if setting == STREAMS_SETTING:
         if "streams" in new and not new["streams"]:
             return BaudChange("silent", "The device stops streaming; it still answers requests.")

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, inlined, unsigned
-from imuscope.protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS
+from imuscope.protocols.framing.stream_buffer import BODY, FRAME, ID, LENGTH, OFFSET, STATUS
 from imuscope.protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
 from imuscope.protocols.isb.time_base import (
     DATED,
@@ -44,6 +43,18 @@ from imuscope.protocols.isb.time_base import (
     spacing,
     up_time,
     update_time,
+)
+from imuscope.protocols.native.kernels import (
+    BYTES,
+    INT,
+    INTS,
+    NOTHING,
+    ROWS,
+    STRIDED,
+    TABLE,
+    compiled,
+    inlined,
+    unsigned,
 )
 
 VIEW = STRIDED  # a scan's table is the filled part of a larger one

@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from imuscope.protocols.commands.transactions import Risk
 from imuscope.protocols.isb.dataset_loader import SOURCE, TABLES
 from imuscope.protocols.isb.field_docs import SENTENCES
 from imuscope.protocols.isb.frames import GET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT
@@ -40,9 +41,8 @@ from imuscope.protocols.isb.stored_settings import (
     select,
 )
 from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
-from imuscope.protocols.labels import constant_label
-from imuscope.protocols.schema import Command, Field
-from imuscope.protocols.transactions import Risk
+from imuscope.protocols.schema.fields import Command, Field
+from imuscope.protocols.schema.labels import constant_label
 
 SYS_CMD, NMEA_PERIODS, RMC, FLASH, MAG_CAL, DEV_INFO, SYS_PARAMS = 7, 8, 9, 12, 19, 1, 10
 NMEA_SOURCE = "Inertial Sense user manual, NMEA 0183 (ASCII) protocol"

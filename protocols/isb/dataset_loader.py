@@ -21,8 +21,8 @@ import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from imuscope.protocols.layouts import element
-from imuscope.protocols.schema import Bits, Field
+from imuscope.protocols.schema.fields import Bits, Field
+from imuscope.protocols.schema.layouts import element
 
 FILE = Path(__file__).with_name("datasets.txt")
 SOURCE = "inertial-sense-sdk 2.7.1, data_sets.h"

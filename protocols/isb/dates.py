@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from imuscope.protocols.dates import UNKNOWN, Ints
+from imuscope.protocols.clocks.dates import UNKNOWN, Ints
 from imuscope.protocols.events import Batch
 from imuscope.protocols.isb.time_base import FIRST_WEEK, GPS_EPOCH, WEEK_S, S
 

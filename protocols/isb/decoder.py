@@ -23,10 +23,11 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import UINT8, Ints
-from imuscope.protocols.embedded_protocols import STARTS, find
+from imuscope.protocols.embedded.finders import STARTS, find
 from imuscope.protocols.events import Batch, ClockStep, Event, LazyMapping, Reply, stream_order
-from imuscope.protocols.framing import BODY, OFFSET, SIZE, ScanCapacity, one_number
-from imuscope.protocols.grouping import group
+from imuscope.protocols.framing.grouping import group
+from imuscope.protocols.framing.stream_buffer import BODY, OFFSET, SIZE, ScanCapacity, one_number
+from imuscope.protocols.framing.stream_parser import ParseResult, StreamDecoder, StreamParser
 from imuscope.protocols.isb import messages
 from imuscope.protocols.isb.classify import (
     ABOUT,
@@ -48,8 +49,7 @@ from imuscope.protocols.isb.dataset_loader import VERSIONS
 from imuscope.protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
 from imuscope.protocols.isb.json_codec import values_of
 from imuscope.protocols.isb.time_base import NO_STEP, STEPS, store_offset
-from imuscope.protocols.schema import Direction, Message
-from imuscope.protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
+from imuscope.protocols.schema.fields import Direction, Message
 
 RULES = messages.rules()
 VERSION_NUMBERS = messages.version_numbers()

@@ -26,6 +26,22 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from imuscope.protocols.commands.transactions import (
+    BaudChange,
+    ByteRange,
+    DeviceContext,
+    DeviceDriver,
+    DeviceRejectedError,
+    LinkLoad,
+    NoReplyError,
+    PutBack,
+    Risk,
+    Send,
+    Sleep,
+    Transaction,
+    WaitFor,
+    WriteResult,
+)
 from imuscope.protocols.events import Event, Reply, Text
 from imuscope.protocols.isb import annotate as annotated
 from imuscope.protocols.isb import bandwidth as budget
@@ -60,24 +76,8 @@ from imuscope.protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT
 from imuscope.protocols.isb.stream_discovery import ListeningTimes, to_wire
 from imuscope.protocols.isb.stream_restore import undisturbed
 from imuscope.protocols.isb.streams import STREAMS
-from imuscope.protocols.json_values import jsonable
-from imuscope.protocols.schema import Command, Setting
-from imuscope.protocols.transactions import (
-    BaudChange,
-    ByteRange,
-    DeviceContext,
-    DeviceDriver,
-    DeviceRejectedError,
-    LinkLoad,
-    NoReplyError,
-    PutBack,
-    Risk,
-    Send,
-    Sleep,
-    Transaction,
-    WaitFor,
-    WriteResult,
-)
+from imuscope.protocols.schema.fields import Command, Setting
+from imuscope.protocols.schema.json_values import jsonable
 
 T = TypeVar("T")
 Values = Mapping[str, Any]
@@ -167,7 +167,7 @@ def write_dataset(packet: bytes, what: str, *, required: bool = True) -> Transac
 
 
 class IsbDriver(DeviceDriver):
-    """See imuscope.protocols.transactions.DeviceDriver.
+    """See imuscope.protocols.commands.transactions.DeviceDriver.
 
     Args:
         listening: how long the streams of a device are listened to.

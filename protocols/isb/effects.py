@@ -27,7 +27,7 @@ _OF_PORT = ("STOP_BROADCASTS_CURRENT_PORT", "STOP_BROADCASTS_ALL_PORTS", "STPB",
 
 
 def alters(command: str, values: Mapping[str, Any], settings: Iterable[str]) -> Collection[str]:
-    """See imuscope.protocols.transactions.DeviceDriver.alters.
+    """See imuscope.protocols.commands.transactions.DeviceDriver.alters.
 
     Args:
         settings: names of the device's settings.

@@ -18,7 +18,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols import validation
+from imuscope.protocols.embedded.nmea import sentence
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.commands import (
     ASCE_FIELDS,
@@ -36,9 +36,9 @@ from imuscope.protocols.isb.messages import BY_NAME, SET_PREFIX, places
 from imuscope.protocols.isb.settings_diff import same_pace
 from imuscope.protocols.isb.stored_settings import GET_PREFIX, STREAM_FIELDS, STREAMS_SETTING, fields_of
 from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
-from imuscope.protocols.layouts import EncodeError, pack
-from imuscope.protocols.nmea import sentence
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema import validation
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import EncodeError, pack
 
 Values = Mapping[str, Any]
 GPX_RMC = 126

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.composer import ProtocolComposer
-from imuscope.protocols.editor_choices import RateRow, RateTable
+from imuscope.protocols.commands.composer import ProtocolComposer
+from imuscope.protocols.commands.rate_tables import RateRow, RateTable
+from imuscope.protocols.commands.transactions import DeviceContext, Values
 from imuscope.protocols.events import Batch
-from imuscope.protocols.family import (
+from imuscope.protocols.family.info import (
     ConfigurationTraits,
     CorrectionInput,
     Decoding,
@@ -39,7 +40,6 @@ from imuscope.protocols.isb.streams import OF_GPX, STREAMS, every, stream_words
 from imuscope.protocols.isb.supported import supported
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
-from imuscope.protocols.transactions import DeviceContext, Values
 
 DRIVER = IsbDriver()
 POSITION_SETS = ("DID_GPS1_POS", "DID_INS_1", "DID_INS_2")

@@ -22,7 +22,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
 
 BAUD_RATES = (9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600, 10_000_000)  # SDK: baud_rate_t
 CAN_RATES = (20, 33, 50, 83, 100, 125, 200, 250, 500, 1000)  # SDK: can_baudrate_t

@@ -32,9 +32,8 @@ import struct
 from collections.abc import Mapping
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.checksums import fletcher16
-from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
-from imuscope.protocols.framing import (
+from imuscope.protocols.framing.checksums import fletcher16
+from imuscope.protocols.framing.stream_buffer import (
     BAD_CHECKSUM,
     BAD_SIZE,
     BAD_TYPE,
@@ -48,6 +47,7 @@ from imuscope.protocols.framing import (
     STATUS,
     TRUNCATED,
 )
+from imuscope.protocols.native.kernels import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
 
 FIRST, SECOND = 0xEF, 0x49
 HEADER, TRAILER = 6, 2
@@ -106,7 +106,7 @@ def _verdict(data: Bytes, at: int, left: int) -> int:
 
 @compiled(FOUR, BYTES, INT, FLAG, TABLE)
 def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
-    """Find candidates in `data[at:]`; see protocols/framing.py for the table and the rule.
+    """Find candidates in `data[at:]`; see protocols/framing/stream_buffer.py for the table and the rule.
 
     BODY and LENGTH are those of the payload without its offset; FLAGS is the packet's flags byte.
     """

@@ -8,7 +8,7 @@ decoded:
     FF … FE    between them no FF, FE, or other start byte as itself: each is sent as FD and its complement
                (so protocol 1.x is known by its shape; SDK 1.x, ISComm.h)
 
-In the list (protocols/frame_lines.py) structures follow the firmware version in an earlier device information.
+In the list (protocols/framing/frame_lines.py) structures follow the firmware version in an earlier device information.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-from imuscope.protocols.embedded_protocols import STARTS, find
-from imuscope.protocols.frame_lines import FrameLine, frame_lines
-from imuscope.protocols.framing import BODY, ID, LENGTH, SIZE
+from imuscope.protocols.embedded.finders import STARTS, find
+from imuscope.protocols.framing.frame_lines import FrameLine, frame_lines
+from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, SIZE
+from imuscope.protocols.framing.stream_parser import ParseResult, StreamParser
 from imuscope.protocols.isb.classify import FAMILY, FIRMWARE_AT, version_of
 from imuscope.protocols.isb.dataset_loader import VERSIONS
 from imuscope.protocols.isb.frames import DATA, FLAGS, TYPE_MASK, TYPES, WITH_OFFSET, scan
 from imuscope.protocols.isb.json_codec import frame_to_json
 from imuscope.protocols.isb.messages import DEVICE_INFOS, ROWS, rules, version_numbers
-from imuscope.protocols.stream_parser import ParseResult, StreamParser
 
 _OLD = re.compile(rb"\xff(?:[^\x0a\x24\xb5\xd3\xfd\xfe\xff]|\xfd[\xf5\xdb\x4a\x2c\x02\x01\x00]){7,2100}\xfe")
 _SEARCH_BYTES = 1 << 16

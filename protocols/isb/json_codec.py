@@ -43,9 +43,9 @@ from imuscope.protocols.isb.messages import (
     set_row,
     version_for,
 )
-from imuscope.protocols.json_values import flag_names, jsonable
-from imuscope.protocols.layouts import EncodeError, bytes_of_hex, pack, size_of, unpack
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.json_values import flag_names, jsonable
+from imuscope.protocols.schema.layouts import EncodeError, bytes_of_hex, pack, size_of, unpack
 
 Plain = dict[str, Any]
 

@@ -31,7 +31,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.family import Damage, LogName
+from imuscope.protocols.family.info import Damage, LogName
 from imuscope.protocols.isb.frames import DATA, build
 
 MARKER = bytes.fromhex("32EA05FC")

@@ -42,8 +42,8 @@ from imuscope.protocols.isb.dataset_loader import (
 )
 from imuscope.protocols.isb.frames import ACK, GET_DATA, NACK, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPES
 from imuscope.protocols.isb.time_base import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
-from imuscope.protocols.layouts import Layout, size_of
-from imuscope.protocols.schema import Bits, Field, Message
+from imuscope.protocols.schema.fields import Bits, Field, Message
+from imuscope.protocols.schema.layouts import Layout, size_of
 
 Place = tuple[Field, int]
 """A field with its shape closed, and its offset in a payload."""

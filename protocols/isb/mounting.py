@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from imuscope.protocols.mounting import Floats, MountingSetting
+from imuscope.protocols.commands.mounting import Floats, MountingSetting
+from imuscope.protocols.commands.transactions import Values
 from imuscope.protocols.rotations import euler_columns
-from imuscope.protocols.transactions import Values
 
 
 def _values(matrix: Floats, present: Values) -> Values:

@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+from imuscope.protocols.commands.transactions import DeviceRejectedError, NoReplyError, PutBack, Send, Transaction
 from imuscope.protocols.events import Batch, Event, Reply, Text
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.commands import NMEA_PERIODS, RMC, SAVE_FLASH, SOFTWARE_RESET
@@ -26,7 +27,6 @@ from imuscope.protocols.isb.messages import COMMANDS, ROWS
 from imuscope.protocols.isb.stored_settings import STREAMS_SETTING
 from imuscope.protocols.isb.stream_discovery import Requester
 from imuscope.protocols.isb.streams import dids_of
-from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError, PutBack, Send, Transaction
 
 RESTART = (SAVE_FLASH, SOFTWARE_RESET)
 SENTENCES = SETS[NMEA_PERIODS].name

@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from math import radians, sqrt
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 
 _PER_ROOT_SECOND = sqrt(2) / 60  # density of a random walk per √h
 _IMX_5 = SensorProperties(

@@ -11,7 +11,7 @@ Source: inertial-sense-sdk 2.7.1, protocol_nmea.cpp; Inertial Sense user manual,
 
 from __future__ import annotations
 
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.schema.fields import Field, Message
 
 SOURCE = "inertial-sense-sdk 2.7.1, protocol_nmea.cpp"
 

@@ -16,9 +16,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from imuscope.protocols.commands.transactions import Risk
 from imuscope.protocols.isb.messages import SET_PREFIX
 from imuscope.protocols.isb.stored_settings import PERSISTENT, STREAMS_SETTING, settings_of
-from imuscope.protocols.transactions import Risk
 
 Values = Mapping[str, Any]
 _FRAMES = ("insRotation", "insOffset", "gps1AntOffset", "gps2AntOffset", "refLla")
@@ -53,7 +53,7 @@ def _of_navigation(before: Values, changed: Values, product: str) -> list[Risk]:
 
 
 def risks_of_change(setting: str, old: Values | None, new: Values, product: str = "") -> list[Risk]:
-    """See imuscope.protocols.transactions.DeviceDriver.risks."""
+    """See imuscope.protocols.commands.transactions.DeviceDriver.risks."""
     before = old or {}
     changed = {name: value for name, value in new.items() if name not in before or before[name] != value}
     row = settings_of().get(setting)

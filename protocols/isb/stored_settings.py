@@ -18,7 +18,7 @@ from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, SOURCE, as_writ
 from imuscope.protocols.isb.field_docs import noted
 from imuscope.protocols.isb.messages import SET_PREFIX, places
 from imuscope.protocols.isb.streams import OF_GPX, STREAMS
-from imuscope.protocols.schema import Bits, Field, Setting
+from imuscope.protocols.schema.fields import Bits, Field, Setting
 
 GET_PREFIX = "GET_"
 ISB_SOURCE = "Inertial Sense binary protocol document"

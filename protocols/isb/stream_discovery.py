@@ -29,13 +29,13 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.commands.transactions import DeviceRejectedError, Transaction, WaitFor
 from imuscope.protocols.events import Batch, Event, Reply
 from imuscope.protocols.isb.commands import FLASH, RMC, SYS_PARAMS
 from imuscope.protocols.isb.messages import ROWS
 from imuscope.protocols.isb.stored_settings import PERSISTENT
 from imuscope.protocols.isb.streams import DEFAULT_MS, EVENT, GNSS, IMU, NAV, STREAMS, dids_of
-from imuscope.protocols.schema import Field
-from imuscope.protocols.transactions import DeviceRejectedError, Transaction, WaitFor
+from imuscope.protocols.schema.fields import Field
 
 Values = Mapping[str, Any]
 Requester = Callable[[int], Transaction[Values]]

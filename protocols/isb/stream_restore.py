@@ -24,13 +24,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from imuscope.protocols.events import Event
-from imuscope.protocols.isb import frames
-from imuscope.protocols.isb.commands import RMC, SYS_CMD
-from imuscope.protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
-from imuscope.protocols.isb.stream_discovery import ObservedStreams, Requester
-from imuscope.protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     Act,
     DeviceRejectedError,
     NoReplyError,
@@ -41,6 +35,12 @@ from imuscope.protocols.transactions import (
     TransactionCancelledError,
     WaitFor,
 )
+from imuscope.protocols.events import Event
+from imuscope.protocols.isb import frames
+from imuscope.protocols.isb.commands import RMC, SYS_CMD
+from imuscope.protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
+from imuscope.protocols.isb.stream_discovery import ObservedStreams, Requester
+from imuscope.protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
 
 PREAMBLE = bytes((frames.FIRST, frames.SECOND))
 OBSERVE_S = 0.25

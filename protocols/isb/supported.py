@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from imuscope.protocols.family.support_tables import SupportTable
 from imuscope.protocols.isb.commands import COMMAND_ROWS
 from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS, DataSet
 from imuscope.protocols.isb.device_info import FAMILIES
 from imuscope.protocols.isb.messages import ROWS
 from imuscope.protocols.isb.stored_settings import STORED
 from imuscope.protocols.isb.streams import STREAMS
-from imuscope.protocols.support_tables import SupportTable
 
 RESERVED = ("DID_NULL", "DID_UNUSED")
 

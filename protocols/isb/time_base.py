@@ -32,7 +32,7 @@ from __future__ import annotations
 import numpy as np
 
 from imuscope.protocols.arrays import Bytes
-from imuscope.protocols.compiled import FLAG, INT, compiled, inlined, several, unsigned
+from imuscope.protocols.native.kernels import FLAG, INT, compiled, inlined, several, unsigned
 
 LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
 

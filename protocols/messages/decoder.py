@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.counters import SequenceCounter
+from imuscope.protocols.clocks.counters import SequenceCounter
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, SampleGap
-from imuscope.protocols.framing import StreamBuffer
+from imuscope.protocols.framing.stream_buffer import StreamBuffer
 from imuscope.protocols.messages.cdr import MOST_COLUMNS, CdrReader
 from imuscope.protocols.messages.message_table import (
     CHANNEL,
@@ -52,7 +52,7 @@ from imuscope.protocols.messages.records import (
 from imuscope.protocols.messages.ros2msg import parse
 from imuscope.protocols.messages.stamps import StampTrack
 from imuscope.protocols.messages.walkers import SENSELESS, STAMPS, NumericMessage, json_reader, protobuf_reader
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.schema.fields import Field, Message
 
 Array = NDArray[Any]
 Ints = NDArray[np.int64]

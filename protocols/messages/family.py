@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.dates import UNKNOWN
+from imuscope.protocols.clocks.dates import UNKNOWN
 from imuscope.protocols.events import Batch
-from imuscope.protocols.family import (
+from imuscope.protocols.family.info import (
     Decoding,
     DeviceTraits,
     FrameFormat,

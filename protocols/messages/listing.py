@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from imuscope.protocols.events import Batch, RejectedFrame
-from imuscope.protocols.frame_lines import FrameLine
+from imuscope.protocols.framing.frame_lines import FrameLine
 from imuscope.protocols.messages.decoder import MessageDecoder
 from imuscope.protocols.messages.records import HEAD, LONGEST, PLAUSIBLE
 

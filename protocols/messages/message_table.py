@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.compiled import BYTES, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
+from imuscope.protocols.native.kernels import BYTES, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
 
 CHANNEL, SEQUENCE, PUBLISHED, START, SIZE = range(5)
 RECORD_QUANTITIES = 5

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 
 from imuscope.protocols.messages.quantities import MessageQuantity
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
 
 LETTERS = str.maketrans(
     {"µ": "u", "°": "deg", "²": "2", "³": "3", "/": "_", "%": "pct", "Ω": "Ohm", "·": "_", " ": "_", ".": "_"}

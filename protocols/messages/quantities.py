@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
 
 Array = NDArray[Any]
 

@@ -19,9 +19,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from imuscope.protocols.layouts import size_of, unpack
-from imuscope.protocols.schema import Bits, Field
-from imuscope.protocols.transactions import ByteRange
+from imuscope.protocols.commands.transactions import ByteRange
+from imuscope.protocols.schema.fields import Bits, Field
+from imuscope.protocols.schema.layouts import size_of, unpack
 from imuscope.protocols.xbus.data_identifiers import COORDINATES, item
 from imuscope.protocols.xbus.frames import EXTENDED, MTDATA2, items
 from imuscope.protocols.xbus.messages import form_of

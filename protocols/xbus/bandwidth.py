@@ -22,7 +22,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.transactions import LinkLoad, OutputLoad
+from imuscope.protocols.commands.transactions import LinkLoad, OutputLoad
 from imuscope.protocols.xbus.annotate import identifier_words
 from imuscope.protocols.xbus.enums import STRING_TYPES
 from imuscope.protocols.xbus.frames import MAX_SENT, MAX_STANDARD

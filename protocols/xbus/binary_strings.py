@@ -1,7 +1,7 @@
 """The two binary string outputs of an MTi: framing and fields.
 
 An MTi can send strings that are not Xbus messages (MT0101P 2020.A, 5.3.5 SetStringOutputType). Most are NMEA
-sentences and belong to protocols/nmea.py. Two are not:
+sentences and belong to protocols/embedded/nmea.py. Two are not:
 
     TSS2      :DDDDDSMHHHHQMRRRRSMPPPPE     25 characters; CR LF after it in most makers' versions
               D heading × 100 · S space · M " " or "-" · H heave, cm · Q status · R roll × 100 · P pitch × 100

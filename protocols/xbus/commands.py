@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Literal
 
-from imuscope.protocols.schema import Caution, Command, Field, Message, Setting
+from imuscope.protocols.schema.fields import Caution, Command, Field, Message, Setting
 from imuscope.protocols.xbus.messages import BY_NAME, ROWS, answers
 from imuscope.protocols.xbus.product_options import fitted
 from imuscope.protocols.xbus.products import ALL, CLASSIC, FILTER, NO_PRODUCTS, ONE, RTK, SIX, Model, has, model_of
@@ -61,7 +61,7 @@ class CommandRow:
         products: products that have it.
         state: state in which it is valid; ResetOrientation and IccCommand decide by their argument (see `state_of`).
         name: of the command, if different from the message's: one action of several messages (driver.py).
-        harmless_values: as in imuscope.protocols.schema.Command.
+        harmless_values: as in imuscope.protocols.schema.fields.Command.
     """
 
     message: str
@@ -402,7 +402,7 @@ def continues(row: CommandRow) -> bool:
 
 
 def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
-    """See imuscope.protocols.transactions.DeviceDriver.unfinished (5.3.7)."""
+    """See imuscope.protocols.commands.transactions.DeviceDriver.unfinished (5.3.7)."""
     if command in ("ResetOrientation", RESET_AND_STORE):
         stored = command == RESET_AND_STORE or values.get("code") == 0
         return "" if stored else _NOT_STORED

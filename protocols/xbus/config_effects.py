@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from imuscope.protocols.transactions import BaudChange, DeviceContext, Values
+from imuscope.protocols.commands.transactions import BaudChange, DeviceContext, Values
 from imuscope.protocols.xbus.enums import SEND_LATEST
 from imuscope.protocols.xbus.output_configuration import ALWAYS
 from imuscope.protocols.xbus.products import Model, model_of
@@ -98,7 +98,7 @@ def _one_port(place: int, old: list[int], new: list[int], known: DeviceContext) 
 
 
 def rates(values: Mapping[str, Values], known: DeviceContext) -> tuple[int, ...]:
-    """See imuscope.protocols.transactions.DeviceDriver.rates."""
+    """See imuscope.protocols.commands.transactions.DeviceDriver.rates."""
     codes = [int(values["Baudrate"]["baudrate_code"])] if "Baudrate" in values else []
     codes += [int(word) & 0xFF for word in values.get("PortConfig", {}).get("words", ())[:2]]
     candidates = (known.baud, *(BAUD_RATES.get(code) for code in codes), _FACTORY_BAUD)

@@ -24,8 +24,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
-from imuscope.protocols.layouts import form_for_size
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import form_for_size
 from imuscope.protocols.xbus.enums import (
     GNSS_FIXES,
     GNSS_FLAGS,

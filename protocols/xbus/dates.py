@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from imuscope.protocols.dates import UNKNOWN, Ints, utc_ns
+from imuscope.protocols.clocks.dates import UNKNOWN, Ints, utc_ns
 from imuscope.protocols.events import Batch, Reply
 from imuscope.protocols.xbus.frames import FIX_2D
 

@@ -49,12 +49,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import UINT8, Bytes, Ints
-from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
+from imuscope.protocols.clocks.counters import SequenceCounter, TickUnwrapper
 from imuscope.protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap, stream_order
-from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, one_number
-from imuscope.protocols.layouts import Layout, Place, unpack
-from imuscope.protocols.schema import Direction, Message
-from imuscope.protocols.stream_parser import StreamDecoder
+from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, one_number
+from imuscope.protocols.framing.stream_parser import StreamDecoder
+from imuscope.protocols.schema.fields import Direction, Message
+from imuscope.protocols.schema.layouts import Layout, Place, unpack
 from imuscope.protocols.xbus.data_identifiers import RAW_BLOB, form_words, is_known, item
 from imuscope.protocols.xbus.frames import (
     ABOUT,

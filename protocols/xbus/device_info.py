@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from imuscope.protocols.events import Reply
-from imuscope.protocols.labels import device_label
+from imuscope.protocols.schema.labels import device_label
 
 _IS_LONG = 0x8000_0000
 

@@ -1,4 +1,4 @@
-"""Driver of an MTi: tables, frames and transactions of section 5.3, behind protocols/transactions.py `DeviceDriver`.
+"""Driver of an MTi: tables, frames and transactions of section 5.3, behind `transactions.DeviceDriver`.
 
     within(body)    GoToConfig … body … GoToMeasurement, also when the body fails or is stopped
     read(setting)   its request; the answer's fields
@@ -20,11 +20,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from imuscope.protocols import validation
-from imuscope.protocols.events import Batch, Event, Reply
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.schema import Command, Setting
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     AT_REST,
     BaudChange,
     ByteRange,
@@ -43,6 +39,10 @@ from imuscope.protocols.transactions import (
     WaitFor,
     WriteResult,
 )
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.schema import validation
+from imuscope.protocols.schema.fields import Command, Setting
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.protocols.xbus import annotate, commands, config_effects, frames, requests
 from imuscope.protocols.xbus.bandwidth import fit, load, message_rate
 from imuscope.protocols.xbus.commands import CommandRow, StoredSetting
@@ -68,7 +68,7 @@ _OPTION_MASK = sum(1 << bit.low for bit in OPTION_FLAGS)
 
 
 class XbusDriver(DeviceDriver):
-    """See imuscope.protocols.transactions.DeviceDriver.
+    """See imuscope.protocols.commands.transactions.DeviceDriver.
 
     Args:
         times: how long a device is waited for.

@@ -8,7 +8,7 @@ Source: MT0101P 2020.A, the table named at each entry, with its errata.
 
 from __future__ import annotations
 
-from imuscope.protocols.schema import Bits
+from imuscope.protocols.schema.fields import Bits
 
 # -- enumerations ------------------------------------------------------------------------------------------------------
 

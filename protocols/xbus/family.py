@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.composer import FrameRecord, ProtocolComposer
-from imuscope.protocols.editor_choices import KeyVariant, RateRow, RateTable, VariantChoice
-from imuscope.protocols.family import (
+from imuscope.protocols.commands.composer import FrameRecord, ProtocolComposer
+from imuscope.protocols.commands.rate_tables import KeyVariant, RateRow, RateTable, VariantChoice
+from imuscope.protocols.commands.transactions import DeviceContext, Values
+from imuscope.protocols.family.info import (
     ConfigurationTraits,
     CorrectionInput,
     Decoding,
@@ -28,10 +29,9 @@ from imuscope.protocols.family import (
     VendorLogs,
     position_of_columns,
 )
-from imuscope.protocols.framing import ID, OFFSET
+from imuscope.protocols.framing.stream_buffer import ID, OFFSET
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
-from imuscope.protocols.transactions import DeviceContext, Values
 from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
 from imuscope.protocols.xbus.data_identifiers import BY_NAME as ITEMS
 from imuscope.protocols.xbus.data_identifiers import COORDINATES

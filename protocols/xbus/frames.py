@@ -28,9 +28,8 @@ import struct
 import numpy as np
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.checksums import check_sum8, sum8
-from imuscope.protocols.compiled import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
-from imuscope.protocols.framing import (
+from imuscope.protocols.framing.checksums import check_sum8, sum8
+from imuscope.protocols.framing.stream_buffer import (
     BAD_CHECKSUM,
     BAD_ID,
     BAD_SIZE,
@@ -43,6 +42,19 @@ from imuscope.protocols.framing import (
     SIZE,
     STATUS,
     TRUNCATED,
+)
+from imuscope.protocols.native.kernels import (
+    BYTES,
+    FLAG,
+    FOUR,
+    INT,
+    INTS,
+    NOTHING,
+    PAIR,
+    ROWS,
+    TABLE,
+    compiled,
+    unsigned,
 )
 
 PREAMBLE = 0xFA
@@ -60,7 +72,7 @@ UTC_TIME, PACKET_COUNTER, SAMPLE_TIME_FINE, SAMPLE_TIME_COARSE = 0x1010, 0x1020,
 
 @compiled(FOUR, BYTES, INT, FLAG, TABLE)
 def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
-    """Find candidates in `data[at:]`; see protocols/framing.py for the table and the rule."""
+    """Find candidates in `data[at:]`; see protocols/framing/stream_buffer.py for the table and the rule."""
     end = len(data)
     n = 0
     failed = 0

@@ -3,8 +3,8 @@
 The score is the share of bytes in valid frames or in sentences that an MTi can send. A sentence alone does not
 distinguish an MTi from another NMEA device, so text counts half.
 
-In the list (protocols/frame_lines.py) an MTData2 frame whose last item does not fit has the items before it, and the
-bad item follows as a reject.
+In the list (protocols/framing/frame_lines.py) an MTData2 frame whose last item does not fit has the items before it,
+and the bad item follows as a reject.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections import Counter
 
 from imuscope.protocols.events import RejectedFrame
-from imuscope.protocols.frame_lines import FrameLine, frame_lines
-from imuscope.protocols.framing import BODY, ID, LENGTH, SIZE
+from imuscope.protocols.framing.frame_lines import FrameLine, frame_lines
+from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, SIZE
 from imuscope.protocols.xbus.data_identifiers import RAW_BLOB, is_known, item
 from imuscope.protocols.xbus.frames import MTDATA2, items
 from imuscope.protocols.xbus.json_codec import frame_to_json

@@ -30,9 +30,9 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from imuscope.protocols.json_values import flag_names, jsonable
-from imuscope.protocols.layouts import EncodeError, bytes_of_hex, is_open, pack, size_of, unpack
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.json_values import flag_names, jsonable
+from imuscope.protocols.schema.layouts import EncodeError, bytes_of_hex, is_open, pack, size_of, unpack
 from imuscope.protocols.xbus.data_identifiers import BY_NAME as ITEMS_BY_NAME
 from imuscope.protocols.xbus.data_identifiers import RAW_BLOB, item
 from imuscope.protocols.xbus.frames import EXTENDED, MASTER, MAX_ACCEPTED, MAX_STANDARD, MTDATA2, build, items

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError, Transaction
+from imuscope.protocols.commands.transactions import DeviceRejectedError, NoReplyError, Transaction
 from imuscope.protocols.xbus import frames, requests
 
 REQ_CONFIGURATION, CONFIGURATION = 0x0C, 0x0D

@@ -28,8 +28,8 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
 
-from imuscope.protocols.layouts import form_for_size, is_open, size_of
-from imuscope.protocols.schema import Field, Meaning, Message, TextList
+from imuscope.protocols.schema.fields import Field, Meaning, Message, TextList
+from imuscope.protocols.schema.layouts import form_for_size, is_open, size_of
 from imuscope.protocols.xbus.data_identifiers import UTC_FIELDS
 from imuscope.protocols.xbus.enums import (
     ALIGNMENTS,

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from imuscope.protocols.mounting import Floats, MountingSetting
+from imuscope.protocols.commands.mounting import Floats, MountingSetting
+from imuscope.protocols.commands.transactions import Values
 from imuscope.protocols.rotations import matrix_of, quaternion_of
-from imuscope.protocols.transactions import Values
 
 _NAMES = ("q0", "q1", "q2", "q3")
 

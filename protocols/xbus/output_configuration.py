@@ -26,8 +26,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from imuscope.protocols.layouts import is_open, size_of
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import is_open, size_of
 from imuscope.protocols.xbus.data_identifiers import BY_NAME
 from imuscope.protocols.xbus.products import ALL, BARO, CLASSIC, FILTER, GNSS, ONE, Model, has
 

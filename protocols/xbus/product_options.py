@@ -15,8 +15,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from imuscope.protocols.schema import Field
-from imuscope.protocols.validation import ValueProblem
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.validation import ValueProblem
 from imuscope.protocols.xbus.enums import (
     BAUD_CODES,
     CLOCK_BIAS,

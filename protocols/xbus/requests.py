@@ -23,9 +23,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from imuscope.protocols.events import Batch, Event, Reply, Text
-from imuscope.protocols.json_values import jsonable
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     DeviceRejectedError,
     DeviceRestartedError,
     NoReplyError,
@@ -36,6 +34,8 @@ from imuscope.protocols.transactions import (
     Transaction,
     WaitFor,
 )
+from imuscope.protocols.events import Batch, Event, Reply, Text
+from imuscope.protocols.schema.json_values import jsonable
 from imuscope.protocols.xbus import frames
 from imuscope.protocols.xbus.messages import answers
 

@@ -11,7 +11,7 @@ does not depend on how the stream was cut:
 from __future__ import annotations
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.compiled import BYTES, FOUR, INT, INTS, TABLE, compiled
+from imuscope.protocols.native.kernels import BYTES, FOUR, INT, INTS, TABLE, compiled
 from imuscope.protocols.xbus.frames import COARSE, FINE, FIX, GNSS, NO_FIX, NO_GNSS, UTC_AT
 
 NO_CLOCK, UTC, COARSE_CLOCK, FINE_CLOCK = range(4)

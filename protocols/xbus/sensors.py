@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import radians
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.xbus.products import model_of
 
 MICRO_G = 9.80665e-6

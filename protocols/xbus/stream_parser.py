@@ -4,10 +4,10 @@
     ParseResult   table of the frames · Text for the sentence · Reject for each candidate that failed
     kept                                                         ^^^^ until the rest arrives
 
-The cutting is that of every port (protocols/stream_parser.py). For an MTi, two kinds of messages are searched for
-between frames, NMEA sentences and binary strings, each from where its last search stopped: a sentence cut by the end of
-the data waits for its rest. A string is accepted once the sentences up to its end are decided and none of them, which
-have checksums, overlaps it (a TSS2 string in the words of a sentence is not a string).
+The cutting is that of every port (protocols/framing/stream_parser.py). For an MTi, two kinds of messages are searched
+for between frames, NMEA sentences and binary strings, each from where its last search stopped: a sentence cut by the
+end of the data waits for its rest. A string is accepted once the sentences up to its end are decided and none of them,
+which have checksums, overlaps it (a TSS2 string in the words of a sentence is not a string).
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from bisect import bisect_right
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
+from imuscope.protocols.embedded.nmea import STARTS
+from imuscope.protocols.embedded.nmea import find_nmea as find_sentences
 from imuscope.protocols.events import ParsedMessage, RejectedFrame, Text
-from imuscope.protocols.framing import OFFSET, SIZE
-from imuscope.protocols.nmea import STARTS
-from imuscope.protocols.nmea import find_nmea as find_sentences
-from imuscope.protocols.stream_parser import ParseResult
-from imuscope.protocols.stream_parser import StreamParser as AnyStream
+from imuscope.protocols.framing.stream_buffer import OFFSET, SIZE
+from imuscope.protocols.framing.stream_parser import ParseResult
+from imuscope.protocols.framing.stream_parser import StreamParser as AnyStream
 from imuscope.protocols.xbus.binary_strings import Em1000Row
 from imuscope.protocols.xbus.binary_strings import find as find_strings
 from imuscope.protocols.xbus.frames import scan

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.family import LogFormat, ProtocolInfo
-from imuscope.protocols.framing import FRAME, ID, OFFSET, SIZE, STATUS, ScanResult, scan_all
+from imuscope.protocols.family.info import LogFormat, ProtocolInfo
+from imuscope.protocols.framing.stream_buffer import FRAME, ID, OFFSET, SIZE, STATUS, ScanResult, scan_all
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
 

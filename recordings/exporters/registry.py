@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from imuscope.protocols.plugins import Registry
+from imuscope.protocols.family.plugins import Registry
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 Write = Callable[[ExportRequest, Path, ExportStep], list[Path]]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imuscope.protocols.plugins import Registry
+from imuscope.protocols.family.plugins import Registry
 from imuscope.recordings.table_options import TableOptions
 
 if TYPE_CHECKING:

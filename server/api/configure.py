@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Query, Response
 
-from imuscope.protocols.transactions import Risk
+from imuscope.protocols.commands.transactions import Risk
 from imuscope.server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses

@@ -6,7 +6,7 @@ view token may call them (LOOKING in server/auth.py).
 
 from __future__ import annotations
 
-from imuscope.protocols.layouts import EncodeError
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.server.api.configure import OneController
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router

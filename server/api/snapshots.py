@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from fastapi import Query
 from fastapi.responses import Response
 
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.server.api.configure import AllControllers, OneController, controller_of
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
-from imuscope.protocols.decode_options import DecodeOption, Scope
-from imuscope.protocols.plugins import protocol_names
+from imuscope.protocols.family.decode_options import DecodeOption, Scope
+from imuscope.protocols.family.plugins import protocol_names
 from imuscope.recordings.optional_packages import installation_of
 from imuscope.server import logging_setup
 from imuscope.server.commands.file_arguments import add_decode

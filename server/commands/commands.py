@@ -13,10 +13,10 @@ import difflib
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
-from imuscope.protocols.schema import Bits, Command, Field, Setting
-from imuscope.protocols.shown_values import is_scaled, meant, shown_number
-from imuscope.protocols.transactions import DeviceContext
-from imuscope.protocols.validation import bounds, is_whole
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.schema.fields import Bits, Command, Field, Setting
+from imuscope.protocols.schema.shown_values import is_scaled, meant, shown_number
+from imuscope.protocols.schema.validation import bounds, is_whole
 from imuscope.server.commands.compose import ComposeError, composers
 from imuscope.server.devices.decode_options import DecodeOptions
 

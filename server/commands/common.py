@@ -30,7 +30,7 @@ SLOW_BYTES = 1 << 20
 """Plain Python decodes it in some seconds."""
 INTERPRETED = (
     "Decoding runs as plain Python, about 100 times slower: there is no machine code for this source and processor. "
-    "Install imuscope again, or build it (python -m imuscope.protocols.compiler)."
+    "Install imuscope again, or build it (python -m imuscope.protocols.native.compiler)."
 )
 
 
@@ -38,8 +38,8 @@ def warn_if_interpreted(size: int | None) -> None:
     """Say so where decoding `size` bytes takes long, because it runs as plain Python (None: an unknown number)."""
     if size is not None and size < SLOW_BYTES:
         return
-    from imuscope.protocols import registry  # noqa: F401 (its modules have the loops)
-    from imuscope.protocols.compiled import is_complete
+    from imuscope.protocols.native.kernels import is_complete
+    from imuscope.protocols.registry import families as registry  # noqa: F401 (its modules have the loops)
 
     if not is_complete():
         print_status(INTERPRETED)

@@ -13,7 +13,7 @@ import argparse
 import shlex
 from collections.abc import Iterator, Mapping
 
-from imuscope.protocols.plugins import protocol_names
+from imuscope.protocols.family.plugins import protocol_names
 
 
 def script(commands: Mapping[str, argparse.ArgumentParser], shell: str) -> str:

@@ -7,7 +7,7 @@
 FIELD=VALUE:   400   0x400F   -1.5   a name of a choice (GROUND_VEHICLE)   names of flags (DisableAutoStore|EnableAhs)
                in the unit that `imuscope commands` prints for the field; an angle may be in degrees where that is rad
                (90deg, [0,0,90°])
-               a group of bits and its value (GPS1_SOURCE=SER1|GPS1_TYPE=GPX; protocols/flag_words.py)
+               a group of bits and its value (GPS1_SOURCE=SER1|GPS1_TYPE=GPX; protocols/schema/flag_words.py)
                a list or record as JSON ([1, 2, 3])   hex digits of opaque bytes   text
                a path into lists and records (outputs.0.output_frequency=400); each next index adds a list entry;
                one element of a vector (gps1AntOffset.1=0.3) if a device supplies the others, as with `send`
@@ -27,13 +27,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from imuscope.protocols.composer import FrameRecord, ProtocolComposer
-from imuscope.protocols.flag_words import nearest, word_of
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Field
-from imuscope.protocols.shown_values import to_shown, to_wire
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.composer import FrameRecord, ProtocolComposer
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.flag_words import nearest, word_of
+from imuscope.protocols.schema.layouts import EncodeError
+from imuscope.protocols.schema.shown_values import to_shown, to_wire
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from imuscope.protocols.registry import remedies
+from imuscope.protocols.registry.families import remedies
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS, ExportRequest, by_suffix, export

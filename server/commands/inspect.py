@@ -26,8 +26,8 @@ from typing import Any, BinaryIO, Literal, TextIO, cast
 
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import Decoder
-from imuscope.protocols.mixed_protocols import MixedProtocolDetector
-from imuscope.protocols.registry import PROTOCOLS, ProtocolInfo, detect, family_of
+from imuscope.protocols.registry.families import PROTOCOLS, ProtocolInfo, detect, family_of
+from imuscope.protocols.registry.mixed_protocols import MixedProtocolDetector
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
 from imuscope.recordings.mcap_records import MAGIC

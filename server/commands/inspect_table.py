@@ -3,8 +3,8 @@
     {"message": "Imu3Acc", "fields": {"device_id": 7, "version": 33, "mode": 1, "acc_x": 0.5, …}}
     ──>  Imu3Acc   device_id 7  version 2.1  mode Safety  acc_x 0.5 m/s²  …
 
-The rows of the protocols' tables (protocols/schema.py) give the meaning of a value. JSON lines have wire values; here
-values are scaled to the unit of their row. Text from a device is escaped so that it cannot control the terminal
+The rows of the protocols' tables (protocols/schema/fields.py) give the meaning of a value. JSON lines have wire values;
+here values are scaled to the unit of their row. Text from a device is escaped so that it cannot control the terminal
 (server/printable.py).
 """
 
@@ -15,12 +15,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
-from imuscope.protocols.composer import ProtocolComposer
-from imuscope.protocols.family import ProtocolInfo
-from imuscope.protocols.flag_words import unknown_bits
-from imuscope.protocols.labels import device_label
-from imuscope.protocols.schema import Field
-from imuscope.protocols.shown_values import meant, signed_number
+from imuscope.protocols.commands.composer import ProtocolComposer
+from imuscope.protocols.family.info import ProtocolInfo
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.flag_words import unknown_bits
+from imuscope.protocols.schema.labels import device_label
+from imuscope.protocols.schema.shown_values import meant, signed_number
 from imuscope.server.commands.compose import composers
 from imuscope.server.configuration.value_format import entry_title
 from imuscope.server.devices.decode_options import DecodeOptions

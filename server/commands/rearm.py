@@ -14,7 +14,7 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.errors import UsageError
 
@@ -56,7 +56,7 @@ def rearm(device: str, server: str, token: str, data: Path) -> str:
 
 def _may_restart(protocol: str) -> bool:
     """True if the protocol's decoder can be re-armed (events.Remembers), or is not known yet."""
-    from imuscope.protocols.registry import PROTOCOLS  # imported on first use, because it loads compiled code
+    from imuscope.protocols.registry.families import PROTOCOLS  # imported on first use, because it loads compiled code
 
     return protocol not in PROTOCOLS or hasattr(PROTOCOLS[protocol].decoding.decoder, "rearm")
 

@@ -23,13 +23,8 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TextIO
 
-from imuscope.protocols.composer import ProtocolComposer
-from imuscope.protocols.events import Decoder, Event, Shared, sender_of
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.registry import PROTOCOLS, detect
-from imuscope.protocols.schema import Command, Field, Setting
-from imuscope.protocols.shown_values import to_shown
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.composer import ProtocolComposer
+from imuscope.protocols.commands.transactions import (
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,
@@ -39,6 +34,11 @@ from imuscope.protocols.transactions import (
     Transaction,
     Values,
 )
+from imuscope.protocols.events import Decoder, Event, Shared, sender_of
+from imuscope.protocols.registry.families import PROTOCOLS, detect
+from imuscope.protocols.schema.fields import Command, Field, Setting
+from imuscope.protocols.schema.layouts import EncodeError
+from imuscope.protocols.schema.shown_values import to_shown
 from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, names_elements, parse
 from imuscope.server.config import default_data
 from imuscope.server.configuration.put_back import PUT_BACK, WAITING, PutBackStore

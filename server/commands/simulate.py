@@ -18,7 +18,7 @@ import termios
 from pathlib import Path
 from typing import TextIO
 
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.end_signals import end_signals
 from imuscope.server.errors import UsageError

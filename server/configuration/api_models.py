@@ -20,9 +20,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from imuscope.protocols.editor_choices import RateTable
-from imuscope.protocols.schema import Meaning, TextList
-from imuscope.protocols.transactions import ByteRange, OutputLoad
+from imuscope.protocols.commands.rate_tables import RateTable
+from imuscope.protocols.commands.transactions import ByteRange, OutputLoad
+from imuscope.protocols.schema.fields import Meaning, TextList
 from imuscope.server.wire import BitsInfo
 
 Editor = Literal["number", "integer", "choice", "flags", "bool", "text", "hex", "record", "list", "vector"]

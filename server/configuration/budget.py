@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.transactions import Values
+from imuscope.protocols.commands.transactions import Values
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.server.configuration.api_models import LoadInfo
 from imuscope.server.configuration.preview import DevicePresentState, load_of
 from imuscope.server.configuration.transaction_runner import group

@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Command, Setting
-from imuscope.protocols.transactions import RequiresState, Risk, Values
+from imuscope.protocols.commands.transactions import RequiresState, Risk, Values
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Command, Setting
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.server.configuration.api_models import FieldProblem
 from imuscope.server.configuration.budget import overload_error
 from imuscope.server.configuration.device_controller import DeviceController

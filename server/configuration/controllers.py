@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceDriver
+from imuscope.protocols.commands.transactions import DeviceDriver
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server import previous_names
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.jobs import Jobs

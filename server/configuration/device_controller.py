@@ -24,12 +24,7 @@ from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from imuscope.protocols.events import Batch, Event, Reply
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.messages.family import NAME as MESSAGES
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Setting
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     AT_REST,
     DeviceContext,
     DeviceDriver,
@@ -38,6 +33,11 @@ from imuscope.protocols.transactions import (
     Transaction,
     Values,
 )
+from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.messages.family import NAME as MESSAGES
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Setting
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.recordings.errors import ExplainedError
 from imuscope.server.configuration.preview import DevicePresentState, SerialLine, load_of
 from imuscope.server.configuration.put_back import PutBackStore, PutBackTask

@@ -20,13 +20,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.editor_choices import RateTable
-from imuscope.protocols.labels import constant_label
-from imuscope.protocols.layouts import is_open
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Command, Field, Setting
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
-from imuscope.protocols.validation import bounds, is_whole
+from imuscope.protocols.commands.rate_tables import RateTable
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Command, Field, Setting
+from imuscope.protocols.schema.labels import constant_label
+from imuscope.protocols.schema.layouts import is_open
+from imuscope.protocols.schema.validation import bounds, is_whole
 from imuscope.server.configuration.api_models import (
     CommandForm,
     Editor,

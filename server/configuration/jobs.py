@@ -16,8 +16,7 @@ from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from imuscope.protocols.schema import Setting
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     BaudChange,
     DeviceContext,
     DeviceDriver,
@@ -27,6 +26,7 @@ from imuscope.protocols.transactions import (
     Values,
     WriteResult,
 )
+from imuscope.protocols.schema.fields import Setting
 from imuscope.server.configuration import recovery, run_command, settings_procedures
 from imuscope.server.configuration.budget import overload_error
 from imuscope.server.configuration.device_controller import (

@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.schema import Setting
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver, LinkLoad, OutputLoad, Values
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, LinkLoad, OutputLoad, Values
+from imuscope.protocols.schema.fields import Setting
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.server.configuration.api_models import (
     FieldProblem,
     FitRatesResult,

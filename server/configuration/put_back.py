@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from imuscope.protocols.commands.transactions import AT_REST, Send, Transaction, WaitFor
 from imuscope.protocols.events import Batch, Event, Reply
-from imuscope.protocols.transactions import AT_REST, Send, Transaction, WaitFor
 from imuscope.recordings import atomic_write
 from imuscope.recordings.regular_file import read_regular
 from imuscope.server.backoff import Backoff

@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from imuscope.protocols.plural import plural
-from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError, Values, WriteResult
+from imuscope.protocols.commands.transactions import DeviceRejectedError, NoReplyError, Values, WriteResult
+from imuscope.protocols.schema.plural import plural
 from imuscope.server.configuration import settings_procedures
 from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
 from imuscope.server.configuration.timings import ConfigurationTimings

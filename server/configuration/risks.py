@@ -10,9 +10,9 @@ A write of a setting itself is requested; its wear of the flash memory is mentio
 
 from __future__ import annotations
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.schema import Setting
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Risk, Values
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, Risk, Values
+from imuscope.protocols.schema.fields import Setting
+from imuscope.protocols.schema.layouts import EncodeError
 
 
 def dangers_of_write(

@@ -29,7 +29,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,

@@ -13,7 +13,7 @@ import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Collection
 
-from imuscope.protocols.transactions import AT_REST, DeviceRejectedError, NoReplyError, RequiresState, Values
+from imuscope.protocols.commands.transactions import AT_REST, DeviceRejectedError, NoReplyError, RequiresState, Values
 from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
 from imuscope.server.configuration.rollback import RESTORE_HINT
 from imuscope.server.configuration.sensor_check import check_sensor

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Risk
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, Risk
 from imuscope.server.configuration.device_controller import DeviceController, JobError
 
 

@@ -23,10 +23,10 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.schema import Field, Setting
-from imuscope.protocols.shown_values import meant
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.protocols.schema.fields import Field, Setting
+from imuscope.protocols.schema.layouts import EncodeError
+from imuscope.protocols.schema.shown_values import meant
 from imuscope.server.configuration.api_models import Difference, DifferenceRow, FieldProblem
 from imuscope.server.configuration.form_builder import flat
 from imuscope.server.configuration.value_checks import problems_of, sentence

@@ -17,9 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.schema import Setting
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,
@@ -29,6 +27,8 @@ from imuscope.protocols.transactions import (
     Values,
     WriteResult,
 )
+from imuscope.protocols.schema.fields import Setting
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.server.configuration.value_format import field_at, record_at, title_at, value_at, words
 from imuscope.server.wire import FieldOutcome
 

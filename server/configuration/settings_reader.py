@@ -12,7 +12,7 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from imuscope.protocols.transactions import Values
+from imuscope.protocols.commands.transactions import Values
 from imuscope.server.configuration import settings_procedures
 from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
 from imuscope.server.configuration.rollback import RollbackStore

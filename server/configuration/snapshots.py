@@ -49,7 +49,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols.schema import Field, Setting
+from imuscope.protocols.schema.fields import Field, Setting
 from imuscope.recordings import atomic_write
 from imuscope.recordings.errors import ExplainedError
 from imuscope.server.configuration.api_models import SnapshotBody, SnapshotInfo

@@ -20,9 +20,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from imuscope.protocols.events import Batch, Event, Reply
-from imuscope.protocols.labels import device_label
-from imuscope.protocols.plural import counted
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.labels import device_label
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.limiters import PeriodLimit
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.wire import Level, TrafficEntry

@@ -1,4 +1,4 @@
-"""Runner of transactions (protocols/transactions.py) on a live session.
+"""Runner of transactions (protocols/commands/transactions.py) on a live session.
 
     transaction ──Send───────> port.send               write bytes, one writer at a time
                 ──WaitFor────> events of the session   the first that `match` accepts, or None at the time-out
@@ -26,8 +26,18 @@ from collections.abc import Awaitable, Callable, Sequence
 from types import GeneratorType
 from typing import Any, Protocol, TypeVar
 
+from imuscope.protocols.commands.transactions import (
+    Act,
+    Note,
+    PutBack,
+    ReopenLink,
+    Send,
+    Sleep,
+    Transaction,
+    WaitFor,
+    cancel,
+)
 from imuscope.protocols.events import Batch, Event
-from imuscope.protocols.transactions import Act, Note, PutBack, ReopenLink, Send, Sleep, Transaction, WaitFor, cancel
 from imuscope.server.links.base import LinkError
 
 log = logging.getLogger("imuscope.runner")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.schema import Field
-from imuscope.protocols.validation import find_problems
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import EncodeError
+from imuscope.protocols.schema.validation import find_problems
 from imuscope.server.configuration.api_models import FieldProblem
 from imuscope.server.configuration.value_format import head_of
 

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.flag_words import unknown_bits
-from imuscope.protocols.labels import constant_label, device_label
-from imuscope.protocols.registry import entry_words
-from imuscope.protocols.schema import Field
-from imuscope.protocols.shown_values import meant, signed_number
+from imuscope.protocols.registry.families import entry_words
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.flag_words import unknown_bits
+from imuscope.protocols.schema.labels import constant_label, device_label
+from imuscope.protocols.schema.shown_values import meant, signed_number
 
 LONGEST = 120
 IN_DEGREES = {"rad": "°", "rad/s": "°/s", "rad/s/°C": "°/s/°C"}

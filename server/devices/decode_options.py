@@ -1,4 +1,4 @@
-"""Decode options of a source: the protocol, and what the protocol families declare (protocols/decode_options.py).
+"""Decode options of a source: the protocol, and those of the families (protocols/family/decode_options.py).
 
     --protocol NAME --key @robot.key                          on the command line, for all sources
     udp://:5000?protocol=NAME&key=00112233                    in a source, for this source only
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote_plus
 
-from imuscope.protocols.decode_options import DecodeOption
+from imuscope.protocols.family.decode_options import DecodeOption
 from imuscope.recordings.file_reading import AxisClock
 from imuscope.recordings.table_options import TableOptions
 
@@ -46,7 +46,9 @@ class DecodeOptions:
 
     def settings(self, protocol: str) -> dict[str, Any]:
         """Settings of the decoder of a protocol; options of other protocols are left out."""
-        from imuscope.protocols.registry import PROTOCOLS  # imported on first use: the command line starts without it
+        from imuscope.protocols.registry.families import (
+            PROTOCOLS,  # imported on first use: the command line starts without it
+        )
 
         family = PROTOCOLS.get(protocol)
         return family.settings(self.values) if family is not None and self.values else {}
@@ -78,7 +80,9 @@ class DecodeOptions:
 
 def declared_options() -> Mapping[str, DecodeOption]:
     """The options of all protocol families, by name."""
-    from imuscope.protocols.registry import decode_options  # imported on first use: the command line starts without it
+    from imuscope.protocols.registry.families import (
+        decode_options,  # imported on first use: the command line starts without it
+    )
 
     return decode_options()
 
@@ -93,7 +97,7 @@ def source_options() -> list[DecodeOption]:
 
 def url_options() -> list[str]:
     """Names of the options that a source can contain."""
-    from imuscope.protocols.registry import url_options
+    from imuscope.protocols.registry.families import url_options
 
     return url_options()
 

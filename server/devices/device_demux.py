@@ -21,7 +21,7 @@ from itertools import accumulate
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.chunk_boundaries import ChunkBoundaries
+from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.events import AccountsForBytes, Decoder, Event, RejectedFrame, Shared, sender_of
 from imuscope.server import wire
 from imuscope.server.devices.device_state import DeviceState, health

@@ -10,8 +10,8 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from imuscope.protocols.clock_sync import ClockSync
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.clocks.clock_sync import ClockSync
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server import wire
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.ingest import DeviceIdentity

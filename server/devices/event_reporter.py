@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from imuscope.protocols.events import ClockStep, RejectedFrame, Reply, SampleGap, Text
-from imuscope.protocols.labels import device_label
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.labels import device_label
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.streaming.sink import TelemetrySink
 from imuscope.server.wire import EventKind, Level
 from imuscope.server.wire_codec import to_json_safe

@@ -20,15 +20,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.capture_clock import CaptureClock
-from imuscope.protocols.chunk_boundaries import ChunkBoundaries
-from imuscope.protocols.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.clocks.capture_clock import CaptureClock
+from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
+from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.clocks.host_timestamps import StampClock
+from imuscope.protocols.embedded.quantities import NmeaQuantities
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from imuscope.protocols.family import DeviceTraits, StreamTraits
-from imuscope.protocols.framing import REFUSED
-from imuscope.protocols.host_timestamps import StampClock
-from imuscope.protocols.nmea_quantities import NmeaQuantities
-from imuscope.protocols.plural import counted
+from imuscope.protocols.family.info import DeviceTraits, StreamTraits
+from imuscope.protocols.framing.stream_buffer import REFUSED
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.devices.event_reporter import EventReporter, LossCause
 from imuscope.server.devices.jitter_causes import cause_of
 from imuscope.server.devices.link_stats import LinkStatistics

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from imuscope.protocols.clock_sync import ClockSync
+from imuscope.protocols.clocks.clock_sync import ClockSync
 from imuscope.server.links.registry import is_network
 from imuscope.server.wire import JitterCause
 

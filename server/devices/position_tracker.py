@@ -10,8 +10,8 @@ import math
 from typing import Any
 
 from imuscope.protocols.events import Batch, Event, Text
-from imuscope.protocols.family import PositionFix
-from imuscope.protocols.registry import position_of
+from imuscope.protocols.family.info import PositionFix
+from imuscope.protocols.registry.families import position_of
 
 
 class PositionTracker:

@@ -26,7 +26,7 @@ NEVER = 1 << 60
 
 
 class ProtocolGuess(Shape):
-    """Result of `imuscope.protocols.registry.guess`, best first."""
+    """Result of `imuscope.protocols.registry.families.guess`, best first."""
 
     @property
     def protocol(self) -> str: ...
@@ -38,7 +38,7 @@ class ProtocolGuess(Shape):
 
 @dataclass(frozen=True, slots=True)
 class ProtocolSet:
-    """The protocols available to a session: usually those of protocols/registry.py."""
+    """The protocols available to a session: usually those of protocols/registry/families.py."""
 
     decoder: Callable[[str, DecodeOptions, str], Decoder]  # protocol, decode options of the source, kind of its link
     guess: Callable[[bytes], Sequence[ProtocolGuess]]

@@ -1,14 +1,14 @@
-"""The protocols for a session: the rows of protocols/registry.py."""
+"""The protocols for a session: the rows of protocols/registry/families.py."""
 
 from __future__ import annotations
 
 from collections.abc import Container
 
 from imuscope.protocols.events import Decoder
-from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.family.info import ProtocolInfo
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.messages.family import MESSAGES
-from imuscope.protocols.registry import PROBLEMS, PROTOCOLS, count_messages, counts_losses, detect, family_of
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.registry.families import PROBLEMS, PROTOCOLS, count_messages, counts_losses, detect, family_of
 from imuscope.recordings.readers.registry import READERS
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.ingest import ProtocolTraits

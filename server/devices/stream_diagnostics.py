@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from imuscope.protocols.events import Doubt
-from imuscope.protocols.registry import PROTOCOLS, remedies
+from imuscope.protocols.registry.families import PROTOCOLS, remedies
 from imuscope.server.devices.event_reporter import EventReporter
 from imuscope.server.devices.link_stats import LinkStatistics
 from imuscope.server.links.base import Chunk

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.dates import UNKNOWN
+from imuscope.protocols.clocks.dates import UNKNOWN
 from imuscope.protocols.events import Batch, ClockStep
 
 Floats = NDArray[np.float64]

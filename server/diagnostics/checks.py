@@ -350,8 +350,8 @@ def processor(machine: Machine) -> Iterator[Finding]:
 
 def program(machine: Machine) -> Iterator[Finding]:
     """Imuscope itself."""
-    from imuscope.protocols import registry
-    from imuscope.protocols.compiled import is_complete
+    from imuscope.protocols.native.kernels import is_complete
+    from imuscope.protocols.registry import families as registry
 
     if is_complete():
         yield Finding("ok", "machine code", f"The decoders of {len(registry.PROTOCOLS)} protocols run as machine code.")
@@ -360,7 +360,7 @@ def program(machine: Machine) -> Iterator[Finding]:
             "The decoders run as plain Python, about 100 times slower: none was built for this source and processor."
         )
         yield Finding(
-            "warning", "machine code", words, ("python -m imuscope.protocols.compiler, or install it again.",)
+            "warning", "machine code", words, ("python -m imuscope.protocols.native.compiler, or install it again.",)
         )
     page = Path(__file__).parents[1] / "page" / "index.html"
     if not page.is_file():

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.events import Batch
 from imuscope.protocols.rotations import euler_columns
-from imuscope.protocols.schema import Message
+from imuscope.protocols.schema.fields import Message
 from imuscope.recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from imuscope.recordings.health_history import HealthHistoryWriter
 from imuscope.recordings.payloads import BYTES, SHAPE, PayloadsWriter

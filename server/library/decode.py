@@ -29,7 +29,7 @@ import numpy as np
 
 from imuscope.protocols.events import Doubts, Remarks
 from imuscope.protocols.messages.decoder import MessageDecoder
-from imuscope.protocols.registry import remedies
+from imuscope.protocols.registry.families import remedies
 from imuscope.recordings import sidecar
 from imuscope.recordings.capture_timing import BLIND_RATE
 from imuscope.recordings.column_store import ColumnStore, ColumnStoreWriter

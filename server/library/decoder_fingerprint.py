@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from imuscope.protocols.plugins import plugins_of, plugins_of_others, protocol_plugins
+from imuscope.protocols.family.plugins import plugins_of, plugins_of_others, protocol_plugins
 
 PACKAGE = Path(__file__).absolute().parents[2]
 COMPUTED_SIGNALS = "imuscope.computed_signals"  # see computed_signals.py, which is too large to import here

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from imuscope.protocols.commands.transactions import DeviceRejectedError, NoReplyError
 from imuscope.protocols.events import Event, Reply
-from imuscope.protocols.family import LogHeader
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceRejectedError, NoReplyError
+from imuscope.protocols.family.info import LogHeader
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
 from imuscope.server.links.base import LinkError
 

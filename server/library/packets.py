@@ -18,10 +18,10 @@ from typing import Any, Literal
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.family import ProtocolInfo
-from imuscope.protocols.registry import family_of
-from imuscope.protocols.schema import Message
-from imuscope.protocols.transactions import ByteRange, DeviceDriver
+from imuscope.protocols.commands.transactions import ByteRange, DeviceDriver
+from imuscope.protocols.family.info import ProtocolInfo
+from imuscope.protocols.registry.families import family_of
+from imuscope.protocols.schema.fields import Message
 from imuscope.recordings.column_store import Base, ColumnStore
 from imuscope.server.devices.byte_memory import ByteRun, LinkMemory
 from imuscope.server.errors import DomainError

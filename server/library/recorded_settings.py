@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from imuscope.protocols.schema import Field, Setting
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.schema.fields import Field, Setting
 from imuscope.server.configuration.controllers import driver_of
 from imuscope.server.configuration.form_builder import flat
 from imuscope.server.configuration.value_format import (

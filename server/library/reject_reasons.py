@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.family.info import ProtocolInfo
 
 EXPLAINED: Mapping[str, str] = {
     "bad_checksum": "the checksum does not match",

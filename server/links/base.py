@@ -308,7 +308,7 @@ class Link(ABC):
 
     def use_frames(self, frames: str, configuration: str) -> None:  # noqa: B027 - only a shared port does something
         """Find frames of a shared port, and those of clients that configure the device, with these modules
-        (protocols/family.py: FrameFormat.frame_size, configuration_frames).
+        (protocols/family/info.py: FrameFormat.frame_size, configuration_frames).
         """
 
     def hold_clients(self, on: bool) -> None:  # noqa: B027 - only a shared port does something

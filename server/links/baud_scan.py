@@ -29,7 +29,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.links.base import Attempt, LinkError, OwedFrames, Progress, ScanWindows
 from imuscope.server.links.detection_text import DetectionResult, describe_bytes
 from imuscope.server.links.reader_thread import hung_up

@@ -15,10 +15,10 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from imuscope.protocols import registry
 from imuscope.protocols.events import Decoder
-from imuscope.protocols.mixed_protocols import MixedProtocolDetector
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry import families as registry
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.registry.mixed_protocols import MixedProtocolDetector
 from imuscope.recordings.capture_timing import (
     BLIND_RATE,
     BLOCK_BYTES,

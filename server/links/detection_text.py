@@ -1,14 +1,14 @@
 """Description of received bytes as one short line.
 
-`imuscope.protocols.registry.detect` ranks every protocol by the frames it finds; the result is described here as
-"812 B, 11 Xbus frames (MTData2)", "2 304 B, no frame in them" or "0 B".
+`imuscope.protocols.registry.families.detect` ranks every protocol by the frames it finds; the result is described here
+as "812 B, 11 Xbus frames (MTData2)", "2 304 B, no frame in them" or "0 B".
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from imuscope.protocols.registry import detect
+from imuscope.protocols.registry.families import detect
 from imuscope.server.links.text import grouped
 
 # A checksum matches by chance about once in 10^7 bytes of noise, so a third of the bytes in frames is certain. The
@@ -23,7 +23,7 @@ class DetectionResult:
 
     Attributes:
         size: bytes.
-        protocol: name of the most likely protocol in `imuscope.protocols.registry`, "" for none.
+        protocol: name of the most likely protocol in `imuscope.protocols.registry.families`, "" for none.
         score: its likelihood, 0..1.
         reason: its explanation: "11 Xbus frames (MTData2) in 798 of 812 B".
         note: text used instead if listening was not possible.

@@ -19,8 +19,8 @@ import time
 from collections.abc import Callable
 from typing import BinaryIO, cast
 
-from imuscope.protocols import registry
 from imuscope.protocols.events import Decoder
+from imuscope.protocols.registry import families as registry
 from imuscope.recordings.capture_timing import LONGEST_PAUSE_NS, CaptureTiming
 from imuscope.recordings.mcap_records import MAGIC
 from imuscope.server.links.base import Chunk, LinkError, Progress

@@ -20,7 +20,7 @@ from typing import TextIO
 from serial import SerialException
 from serial.tools import list_ports as system_ports
 
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.links.base import Attempt, LinkError, ScanWindows
 from imuscope.server.links.baud_scan import scan as scan_rates
 from imuscope.server.links.serial import SerialSettings, gone, holder, lock_of, open_port

@@ -7,7 +7,7 @@
 
 A device that sends 2000 times a second wakes its thread as often. In Python each time costs ten times what the kernel
 needs, and the thread waits for the interpreter's lock before it can take the time. The compiled loop needs neither: it
-releases the lock for the whole call, and stamps a read right after it. As plain Python (protocols/compiled.py) it
+releases the lock for the whole call, and stamps a read right after it. As plain Python (protocols/native/kernels.py) it
 releases the lock for each call of the system.
 
 Both fetch the bytes while the loop goes on: the event loop when it decodes, a recording when it writes. The session

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from imuscope.protocols.plugins import Registry
+from imuscope.protocols.family.plugins import Registry
 from imuscope.server.links.base import Link, LinkSettings
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from imuscope.protocols.messages.family import NAME as MESSAGES
-from imuscope.protocols.registry import OF_FILES
+from imuscope.protocols.registry.families import OF_FILES
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap_records import MAGIC
 from imuscope.recordings.mcap_writer import is_simulated

@@ -14,7 +14,7 @@ import random
 from collections import deque
 from dataclasses import dataclass
 
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.links.baud_mismatch import misread_at
 from imuscope.server.links.ftdi_packets import PACKET, FtdiPacketizer
 

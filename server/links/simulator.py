@@ -54,7 +54,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import count
 
-from imuscope.protocols.plugins import protocol_names
+from imuscope.protocols.family.plugins import protocol_names
 from imuscope.protocols.simulator.family import SimulatedDevice
 from imuscope.recordings.read_memory import ReadFollower
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from urllib.parse import parse_qsl, unquote
 
-from imuscope.protocols.registry import url_options
+from imuscope.protocols.registry.families import url_options
 from imuscope.server import previous_names
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.registry import link_schemes, source_forms

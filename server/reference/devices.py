@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from imuscope.protocols.quality import RULES, level_of
-from imuscope.protocols.registry import PROTOCOLS, log_formats
+from imuscope.protocols.family.quality import RULES, level_of
+from imuscope.protocols.registry.families import PROTOCOLS, log_formats
 from imuscope.server.reference.blocks import Block, Heading, Items, Paragraph, TableBlock
 
 INTRODUCTION = (
@@ -44,7 +44,7 @@ def devices() -> Iterator[Block]:
 
 
 def _ladder() -> Iterator[Block]:
-    """The rules of protocols/quality.py, and whether each family fulfils them."""
+    """The rules of protocols/family/quality.py, and whether each family fulfils them."""
     families = [*PROTOCOLS.values()]
     yield Heading(2, "What each family offers")
     yield Paragraph(

@@ -30,7 +30,7 @@ from importlib import import_module
 from pathlib import Path
 from types import EllipsisType, ModuleType
 
-from imuscope.protocols import editor_choices
+from imuscope.protocols.commands import rate_tables as editor_choices
 from imuscope.server import capabilities, wire
 from imuscope.server.configuration import api_models as forms
 from imuscope.server.library import api_models as recorded

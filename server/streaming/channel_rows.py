@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import Batch
-from imuscope.protocols.layouts import Layout, LazyColumns
+from imuscope.protocols.schema.layouts import Layout, LazyColumns
 from imuscope.server.streaming.ring_kernel import DIVIDE, MULTIPLY
 from imuscope.server.wire import ChannelInfo
 

@@ -8,9 +8,9 @@
 
 A message whose fields are separate quantities (`channel_per_field`) gives a channel per field; any other message is one
 channel with a column per element, plus a channel for each separate field (`separate_channels`: message.field). Names,
-colours and descriptions of columns come from the rows of the protocol's table (protocols/schema.py); the dtype is that
-of the array. The division of a batch is computed once per message layout and stored as a plan, because the same layouts
-occur thousands of times.
+colours and descriptions of columns come from the rows of the protocol's table (protocols/schema/fields.py); the dtype
+is that of the array. The division of a batch is computed once per message layout and stored as a plan, because the same
+layouts occur thousands of times.
 
 The page shows °/s for rad/s, µT for T and metres for millimetres: `SHOWN` is the only place where wire units are
 converted to page units, for every family. Files and `inspect` use wire units.
@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.events import Batch
-from imuscope.protocols.layouts import LazyColumns
-from imuscope.protocols.schema import Bits, Field, Message
+from imuscope.protocols.schema.fields import Bits, Field, Message
+from imuscope.protocols.schema.layouts import LazyColumns
 from imuscope.server.streaming.channel_rows import (
     ChannelRows,
     ColumnPlan,

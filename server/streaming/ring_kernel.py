@@ -6,7 +6,7 @@ A live device has a few samples in each turn: an array for each of its columns w
 from __future__ import annotations
 
 from imuscope.protocols.arrays import Array, Ints
-from imuscope.protocols.compiled import FLOATS, INT, INTS, READ_ROWS, TABLE, ArrayType, compiled
+from imuscope.protocols.native.kernels import FLOATS, INT, INTS, READ_ROWS, TABLE, ArrayType, compiled
 
 OFFSET, SIZE, SWAP, OPERATION = range(4)  # rows of `copies`
 MULTIPLY, DIVIDE = 1, 2

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.events import Batch, Reply
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.schema.fields import Field, Message
 from imuscope.server import wire
 from imuscope.server.rate_meter import RateMeter
 

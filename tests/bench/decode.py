@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from imuscope.protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
-from imuscope.protocols.registry import PROTOCOLS  # noqa: E402
+from imuscope.protocols.registry.families import PROTOCOLS  # noqa: E402
 from imuscope.recordings.freed_memory import keep_freed_memory  # noqa: E402
 from tests.bench.report import options_of, report  # noqa: E402
 

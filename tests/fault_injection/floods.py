@@ -30,8 +30,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
+from imuscope.protocols.embedded.nmea import sentence
 from imuscope.protocols.idtp.frames import build
-from imuscope.protocols.nmea import sentence
 from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK
 from imuscope.recordings.mcap_records import MAGIC
 from imuscope.server import wire

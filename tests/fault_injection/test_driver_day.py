@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.events import Batch, RejectedFrame, Reply, SampleGap
-from imuscope.protocols.transactions import DeviceContext
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build

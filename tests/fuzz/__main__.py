@@ -19,7 +19,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from imuscope.protocols import compiled
+from imuscope.protocols.native import kernels as compiled
 from tests.fuzz.cases import write
 from tests.fuzz.search import CorpusSearch, minimised
 from tests.fuzz.targets import TARGETS

@@ -15,7 +15,7 @@ import numpy as np
 
 from imuscope.protocols.events import Batch
 from imuscope.protocols.idtp.messages import WIRE
-from imuscope.protocols.schema import Field
+from imuscope.protocols.schema.fields import Field
 from tests.fuzz.cases import BrokenError, Case
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle

@@ -20,9 +20,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+from imuscope.protocols.embedded.quantities import NmeaQuantities
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from imuscope.protocols.nmea_quantities import NmeaQuantities
-from imuscope.protocols.registry import PROTOCOLS, detect
+from imuscope.protocols.registry.families import PROTOCOLS, detect
 from tests.fuzz import columns
 from tests.fuzz.cases import BrokenError, Case
 from tests.oracles import idtp as idtp_oracle

@@ -12,7 +12,7 @@ import pytest
 
 from imuscope.protocols.events import batches
 from imuscope.protocols.idtp.simulator import IdtpSimulator
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.recordings.capture_timing import (
     BLIND_RATE,
     BLOCK_BYTES,

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from imuscope.protocols.compiled import plain
+from imuscope.protocols.native.kernels import plain
 from imuscope.recordings.read_memory import BUFFER_BYTES, LIMIT, MAX_READS, NEVER, ReadFollower
 from imuscope.server.links import read_loop
 from imuscope.server.links.base import Chunk, steady_clock

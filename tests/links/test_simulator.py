@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from imuscope.protocols.events import RejectedFrame, SampleGap, batches
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.frames import build
 from imuscope.server.links import LinkError, open_link, serial
 from imuscope.server.links.base import Link

@@ -9,9 +9,9 @@ import hashlib
 import sys
 from pathlib import Path
 
-from imuscope.protocols import compiled
 from imuscope.protocols.events import Batch
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.native import kernels as compiled
+from imuscope.protocols.registry.families import PROTOCOLS
 
 PIECE = 25_000
 

@@ -7,9 +7,9 @@ import functools
 from collections.abc import Mapping
 from typing import Any
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.protocols.transactions import DeviceContext
 from tests.transaction_player import PlayedWire, play
 
 DRIVER = IsbDriver()

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.compiled import (
+from imuscope.protocols.native.kernels import (
     BYTES,
     FLAG,
     FLOAT,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols import ubx
+from imuscope.protocols.embedded import ubx
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
 from imuscope.protocols.idtp import frames as idtp
 from imuscope.protocols.idtp.json_codec import frame_from_json as idtp_frame_of
@@ -21,7 +21,7 @@ from imuscope.protocols.idtp.json_codec import frame_to_json as idtp_plain
 from imuscope.protocols.isb import frames as isb
 from imuscope.protocols.isb.json_codec import frame_from_json as isb_packet_of
 from imuscope.protocols.isb.json_codec import frame_to_json as isb_plain
-from imuscope.protocols.registry import PROTOCOLS, ProtocolInfo
+from imuscope.protocols.registry.families import PROTOCOLS, ProtocolInfo
 from imuscope.protocols.xbus.frames import MAX_FRAME
 from imuscope.protocols.xbus.json_codec import frame_from_json, frame_to_json
 from tests.oracles import idtp as idtp_oracle

@@ -11,7 +11,7 @@ import itertools
 
 import numpy as np
 
-from imuscope.protocols.clock_sync import ClockSync
+from imuscope.protocols.clocks.clock_sync import ClockSync
 from tests.each_row import each_row
 from tests.protocols.timing_model import (
     MS,

@@ -11,7 +11,7 @@ from imuscope.protocols.can.decoder import CanDecoder
 from imuscope.protocols.can.definition import default_definition, number_of, read_definition, step_line
 from imuscope.protocols.can.mti import MTI
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
-from imuscope.protocols.registry import OF_FILES, PROTOCOLS, family_of
+from imuscope.protocols.registry.families import OF_FILES, PROTOCOLS, family_of
 from imuscope.protocols.xbus.data_identifiers import BY_NAME
 from tests.each_row import each_row
 

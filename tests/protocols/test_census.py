@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols import nmea, rtcm, ubx
+from imuscope.protocols.embedded import nmea, rtcm, ubx
 from imuscope.protocols.events import Text
 from imuscope.protocols.idtp import messages as idtp_messages
 from imuscope.protocols.idtp.json_codec import frame_from_json, frame_to_json
@@ -17,7 +17,7 @@ from imuscope.protocols.isb import dataset_loader as isb_tables
 from imuscope.protocols.isb import frames as isb_frames
 from imuscope.protocols.isb import messages as isb_messages
 from imuscope.protocols.isb.decoder import IsbDecoder
-from imuscope.protocols.schema import Bits
+from imuscope.protocols.schema.fields import Bits
 from imuscope.protocols.xbus import data_identifiers as xbus_items
 from imuscope.protocols.xbus import enums as xbus_codes
 from imuscope.protocols.xbus import messages as xbus_messages

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.clock_kernels import decreases, delays_of, host_times
-from imuscope.protocols.compiled import plain
-from imuscope.protocols.framing import StreamBuffer
+from imuscope.protocols.clocks.kernels import decreases, delays_of, host_times
+from imuscope.protocols.framing.stream_buffer import StreamBuffer
+from imuscope.protocols.native.kernels import plain
 
 ORIGIN, HOST_ORIGIN = 5_000_000_000_000, 1_700_000_000_000_000_000
 NS = st.integers(-(10**13), 10**13)

@@ -16,8 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from imuscope.protocols.clock_model import WINDOW_S
-from imuscope.protocols.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.clocks.clock_model import WINDOW_S
+from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
 from tests.counting import counted_calls
 from tests.each_row import each_row
 

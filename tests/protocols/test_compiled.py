@@ -21,11 +21,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols import compiled
-from imuscope.protocols.compiled import INT, Kernel, kernel_of, plain
-from imuscope.protocols.compiler import build, extension
-from imuscope.protocols.compiler.translate import CSource
-from imuscope.protocols.compiler.values import TranslateError
+from imuscope.protocols.native import kernels as compiled
+from imuscope.protocols.native.compiler import build, extension
+from imuscope.protocols.native.compiler.expressions import TranslateError
+from imuscope.protocols.native.compiler.translate import CSource
+from imuscope.protocols.native.kernels import INT, Kernel, kernel_of, plain
 from tests.cache_folder import cache_folder
 from tests.each_row import each_row
 from tests.protocols import kernel_examples
@@ -43,7 +43,7 @@ NUMBERS = st.integers(-(2**40), 2**40)
 
 def compile_package(folder: Path, package: str = PACKAGE) -> str:
     """As the author of a protocol family does."""
-    command = [sys.executable, "-m", "imuscope.protocols.compiler", package]
+    command = [sys.executable, "-m", "imuscope.protocols.native.compiler", package]
     env = os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"}
     done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -145,7 +145,7 @@ def test_machine_code_of_another_source_is_not_used(package: Path, tmp_path: Pat
     probe = (
         "import numpy as np\n"
         "from kernel_package.examples import total\n"
-        "from imuscope.protocols.compiled import missing\n"
+        "from imuscope.protocols.native.kernels import missing\n"
         "print(not missing('kernel_package'), total(np.ones(1, np.uint8), np.ones(1, np.int64)))"
     )
     env = os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
@@ -278,7 +278,7 @@ CHECKED = (
 def test_kernels_know_themselves() -> None:
     names = [name for name, kernel in compiled.KERNELS.items() if kernel.signature is not None]
     assert len([name for name in names if name.startswith("imuscope.")]) > 40
-    one = compiled.KERNELS["imuscope.protocols.checksums.sum8"]
+    one = compiled.KERNELS["imuscope.protocols.framing.checksums.sum8"]
     assert kernel_of(one.native) is one
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from imuscope.protocols.counters import SequenceCounter, TickUnwrapper
+from imuscope.protocols.clocks.counters import SequenceCounter, TickUnwrapper
 from tests.each_row import each_row
 
 MS = 1e6

@@ -13,8 +13,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from imuscope.protocols import nmea, registry
-from imuscope.protocols.nmea import sentence
+from imuscope.protocols.embedded import nmea
+from imuscope.protocols.embedded.nmea import sentence
+from imuscope.protocols.registry import families as registry
 from imuscope.protocols.xbus import binary_strings
 from tests.each_row import each_row
 

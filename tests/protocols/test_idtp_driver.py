@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.events import batches
 from imuscope.protocols.idtp.custom_payloads import parse
 from imuscope.protocols.idtp.decoder import IdtpDecoder
 from imuscope.protocols.idtp.driver import IdtpDriver
 from imuscope.protocols.idtp.simulator import IdtpSimulator
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.schema.layouts import EncodeError
 from tests.each_row import each_row
 from tests.transaction_player import PlayedWire, play
 

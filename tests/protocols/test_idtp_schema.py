@@ -13,7 +13,7 @@ from imuscope.protocols.idtp.decoder import IdtpDecoder
 from imuscope.protocols.idtp.family import FAMILY
 from imuscope.protocols.idtp.frames import build
 from imuscope.protocols.idtp.json_codec import frame_from_json, frame_to_json
-from imuscope.protocols.layouts import EncodeError, size_of
+from imuscope.protocols.schema.layouts import EncodeError, size_of
 from tests.each_row import each_row
 from tests.protocols.decoding import decode_chunks
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imuscope.protocols.checksums import crc8_autosar, crc32_autosar
-from imuscope.protocols.counters import TickUnwrapper
+from imuscope.protocols.clocks.counters import TickUnwrapper
 from imuscope.protocols.events import Batch, RejectedFrame, SampleGap
-from imuscope.protocols.framing import REASONS
+from imuscope.protocols.framing.checksums import crc8_autosar, crc32_autosar
+from imuscope.protocols.framing.stream_buffer import REASONS
 from imuscope.protocols.idtp.decoder import IdtpDecoder
 from imuscope.protocols.idtp.frames import SECURE, FrameAuthenticator, build
 from imuscope.protocols.idtp.inspect import IdtpFrameLister

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.framing import REASONS
+from imuscope.protocols.framing.stream_buffer import REASONS
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.frames import get_data, set_data, stop
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.json_codec import frame_from_json
 from imuscope.server.commands.inspect import inspect_file

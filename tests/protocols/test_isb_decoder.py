@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.checksums import crc24q, fletcher16
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Text
+from imuscope.protocols.framing.checksums import crc24q, fletcher16
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.decoder import IsbDecoder
 from imuscope.protocols.isb.frames import build

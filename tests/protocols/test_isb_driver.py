@@ -10,6 +10,14 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import (
+    DeviceContext,
+    DeviceRejectedError,
+    NoReplyError,
+    Send,
+    WaitFor,
+    cancel,
+)
 from imuscope.protocols.events import Text
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.commands import COMMAND_ROWS
@@ -19,8 +27,7 @@ from imuscope.protocols.isb.driver import version_of
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.isb.stored_settings import settings_of
 from imuscope.protocols.isb.streams import STREAMS
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.transactions import DeviceContext, DeviceRejectedError, NoReplyError, Send, WaitFor, cancel
+from imuscope.protocols.schema.layouts import EncodeError
 from tests.each_row import each_row
 from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire
 from tests.transaction_player import PlayedWire, play

@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceRejectedError
 from imuscope.protocols.isb.commands import COMMAND_ROWS
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.family import SIMULATOR
 from imuscope.protocols.isb.simulator.gpx import GpxSimulator
 from imuscope.protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
-from imuscope.protocols.transactions import DeviceContext, DeviceRejectedError
 from imuscope.server.configuration.form_builder import forms_of
 from tests.transaction_player import PlayedWire, play
 

@@ -8,14 +8,14 @@ from collections.abc import Iterable, Iterator
 
 import pytest
 
-from imuscope.protocols import validation
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.commands import COMMAND_ROWS
 from imuscope.protocols.isb.dataset_loader import VERSIONS
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.field_docs import BAUD_RATES, CAN_RATES
 from imuscope.protocols.isb.stored_settings import fields_of, settings_of
-from imuscope.protocols.schema import Field
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.schema import validation
+from imuscope.protocols.schema.fields import Field
 from imuscope.server.configuration.form_builder import field_form
 from imuscope.server.configuration.value_format import words
 from tests.each_row import each_row

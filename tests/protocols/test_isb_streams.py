@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import Send, Transaction, cancel
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.isb.stored_settings import PERSISTENT
 from imuscope.protocols.isb.streams import PRESETS, dids_of
-from imuscope.protocols.transactions import Send, Transaction, cancel
 from tests.each_row import each_row
 from tests.protocols.isb_driving import DRIVER, KNOWN, S, read, wire
 from tests.transaction_player import PlayedWire, play

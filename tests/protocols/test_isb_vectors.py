@@ -15,7 +15,7 @@ from imuscope.protocols.isb.decoder import IsbDecoder
 from imuscope.protocols.isb.frames import build, get_data, set_data, stop
 from imuscope.protocols.isb.json_codec import frame_from_json, frame_to_json
 from imuscope.protocols.isb.messages import COMMANDS, ROWS
-from imuscope.protocols.layouts import size_of
+from imuscope.protocols.schema.layouts import size_of
 from tests.each_row import each_row
 from tests.oracles import isb as oracle
 from tests.protocols.isb_vectors import COMMANDS as COMMAND_VECTORS

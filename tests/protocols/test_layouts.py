@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.checksums import check_sum8, sum8
-from imuscope.protocols.framing import StreamBuffer
-from imuscope.protocols.layouts import EncodeError, Layout, form_for_size, pack, size_of, unpack
-from imuscope.protocols.schema import Field
-from imuscope.protocols.validation import find_problems
+from imuscope.protocols.framing.checksums import check_sum8, sum8
+from imuscope.protocols.framing.stream_buffer import StreamBuffer
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import EncodeError, Layout, form_for_size, pack, size_of, unpack
+from imuscope.protocols.schema.validation import find_problems
 from tests.each_row import each_row
 
 RECORD = Field("r", shape=(-1,), fields=(Field("a", "u1"), Field("b", ">i2", scale=0.5)))

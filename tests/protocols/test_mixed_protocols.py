@@ -7,8 +7,8 @@ import random
 
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.protocols.mixed_protocols import FEW, MixedProtocolDetector
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.registry.mixed_protocols import FEW, MixedProtocolDetector
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from tests.each_row import each_row
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import struct
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.events import Batch
 from imuscope.protocols.isb.frames import DATA, build
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.output_configuration import OUTPUTS, max_rate
 from imuscope.protocols.xbus.product_options import lines_of

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from imuscope.protocols.embedded.nmea import LONGEST, SENTENCES, find_nmea, sentence
 from imuscope.protocols.events import ParsedMessage
-from imuscope.protocols.nmea import LONGEST, SENTENCES, find_nmea, sentence
 from tests.each_row import each_row
 from tests.protocols.nmea_sentences import EXAMPLES
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imuscope.protocols import vectornav
+from imuscope.protocols.embedded import vectornav
+from imuscope.protocols.embedded.nmea import SENTENCES, SOURCE, checksum, find_nmea, sentence
+from imuscope.protocols.embedded.quantities import NmeaQuantities
 from imuscope.protocols.events import Text
 from imuscope.protocols.isb import sentences
-from imuscope.protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea, sentence
-from imuscope.protocols.nmea_quantities import NmeaQuantities
-from imuscope.protocols.schema import Message
+from imuscope.protocols.schema.fields import Message
 from tests.each_row import each_row
 from tests.protocols.vectornav_sentences import VECTORNAV
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from imuscope.protocols.family import ProtocolInfo
-from imuscope.protocols.quality import LEVELS, RULES, gaps, level_of
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.family.info import ProtocolInfo
+from imuscope.protocols.family.quality import LEVELS, RULES, gaps, level_of
+from imuscope.protocols.registry.families import PROTOCOLS
 from tests.each_row import each_row
 
 

@@ -6,8 +6,8 @@ from math import degrees, sqrt
 
 import pytest
 
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
+from imuscope.protocols.registry.families import PROTOCOLS
 from tests.each_row import each_row
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from imuscope.protocols import rotations
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.events import Batch, RejectedFrame, Reply, Text
 from imuscope.protocols.simulator import trajectory
-from imuscope.protocols.transactions import DeviceContext
 from imuscope.protocols.xbus.enums import STRING_TYPES
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.protocols.xbus.simulator.strings import LINES

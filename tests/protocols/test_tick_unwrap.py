@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.counters import TickUnwrapper
+from imuscope.protocols.clocks.counters import TickUnwrapper
 from tests.counting import counted_calls
 
 DAY, FULL = 864_000_000, 2**32

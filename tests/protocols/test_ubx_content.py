@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imuscope.protocols.embedded.quantities import NmeaQuantities
+from imuscope.protocols.embedded.ubx import SYNC, message_at
+from imuscope.protocols.embedded.ubx_content import fields_of, samples_of, table, values_of
 from imuscope.protocols.events import Text
-from imuscope.protocols.nmea_quantities import NmeaQuantities
-from imuscope.protocols.ubx import SYNC, message_at
-from imuscope.protocols.ubx_content import fields_of, samples_of, table, values_of
 from tests.each_row import each_row
 
 GOLDEN: list[dict[str, Any]] = json.loads((Path(__file__).parents[1] / "golden" / "ubx" / "values.json").read_text())

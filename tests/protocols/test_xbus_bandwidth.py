@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.xbus import frames
 from imuscope.protocols.xbus.bandwidth import messages_of, size_of
 from imuscope.protocols.xbus.output_configuration import (

@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.schema import Command, Setting
+from imuscope.protocols.schema.fields import Command, Setting
 from imuscope.protocols.xbus import commands
 from imuscope.protocols.xbus.commands import GROUPS
 from imuscope.protocols.xbus.json_codec import frame_from_json, frame_to_json

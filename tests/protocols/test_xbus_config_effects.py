@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from imuscope.protocols.transactions import DeviceContext, Transaction, Values
+from imuscope.protocols.commands.transactions import DeviceContext, Transaction, Values
 from imuscope.protocols.xbus.simulator.settings import PRODUCTS
 from tests.each_row import each_row
 from tests.protocols.xbus_simulators import CHANGES, Between, DeafXbusDevice, known_of, names, phase, wire

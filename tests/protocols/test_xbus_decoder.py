@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from imuscope.protocols.registry import detect
+from imuscope.protocols.registry.families import detect
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.frames import MAX_ACCEPTED, build
 from tests.each_row import each_row

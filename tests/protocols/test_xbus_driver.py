@@ -8,10 +8,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.events import Reply
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import (
+from imuscope.protocols.commands.transactions import (
     DeviceContext,
     DeviceRejectedError,
     NoReplyError,
@@ -22,6 +19,9 @@ from imuscope.protocols.transactions import (
     WaitFor,
     cancel,
 )
+from imuscope.protocols.events import Reply
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.protocols.xbus import frames, requests
 from imuscope.protocols.xbus.device_info import identity
 from imuscope.protocols.xbus.products import MODELS

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.layouts import EncodeError, is_open
-from imuscope.protocols.schema import Command, Field
-from imuscope.protocols.shown_values import is_scaled, shown_number
-from imuscope.protocols.transactions import DeviceContext
-from imuscope.protocols.validation import bounds, find_problems, is_whole
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.schema.fields import Command, Field
+from imuscope.protocols.schema.layouts import EncodeError, is_open
+from imuscope.protocols.schema.shown_values import is_scaled, shown_number
+from imuscope.protocols.schema.validation import bounds, find_problems, is_whole
 from imuscope.protocols.xbus.json_codec import frame_to_json
 from imuscope.protocols.xbus.products import model_of
 from tests.each_row import each_row

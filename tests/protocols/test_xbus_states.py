@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from imuscope.protocols.transactions import DeviceContext, DeviceRestartedError
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceRestartedError
 from imuscope.protocols.xbus import frames
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.protocols.xbus.simulator.faults import FaultInjection

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.events import Batch, Reply
-from imuscope.protocols.layouts import Layout
+from imuscope.protocols.schema.layouts import Layout
 from imuscope.protocols.xbus.data_identifiers import BY_NAME, ITEMS, item
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.json_codec import frame_from_json, frame_to_json

@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.chunk_boundaries import ChunkBoundaries
-from imuscope.protocols.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
+from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols import nmea, rtcm, ubx
+from imuscope.protocols.embedded import nmea, rtcm, ubx
 from imuscope.protocols.idtp import frames as idtp_frames
 from imuscope.protocols.idtp import messages as idtp_messages
 from imuscope.protocols.isb import dataset_loader as isb_tables

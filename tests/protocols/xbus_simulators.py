@@ -8,7 +8,7 @@ import copy
 import functools
 from typing import Any
 
-from imuscope.protocols.transactions import DeviceContext, Values
+from imuscope.protocols.commands.transactions import DeviceContext, Values
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from tests.protocols.xbus_values import DRIVER
 from tests.transaction_player import PlayedWire, play

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from imuscope.protocols.schema import Command, Field
-from imuscope.protocols.transactions import DeviceContext
-from imuscope.protocols.validation import bounds
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.schema.fields import Command, Field
+from imuscope.protocols.schema.validation import bounds
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.products import MODELS
 

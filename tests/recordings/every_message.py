@@ -11,15 +11,15 @@ from dataclasses import replace
 from itertools import count, product
 from typing import Any
 
-from imuscope.protocols.composer import ProtocolComposer
+from imuscope.protocols.commands.composer import ProtocolComposer
 from imuscope.protocols.idtp.frames import LITE, SAFETY
 from imuscope.protocols.idtp.frames import build as build_idtp
 from imuscope.protocols.isb import frames as isb_frames
 from imuscope.protocols.isb import messages as isb_messages
 from imuscope.protocols.isb.dataset_loader import CURRENT, SETS
-from imuscope.protocols.layouts import pack, size_of
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Field
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import pack, size_of
 from imuscope.protocols.xbus import messages as xbus_messages
 from imuscope.protocols.xbus.data_identifiers import COORDINATES, ITEMS, PRECISIONS, item
 from imuscope.protocols.xbus.frames import build

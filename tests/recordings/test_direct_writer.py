@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from imuscope.protocols.compiled import plain
+from imuscope.protocols.native.kernels import plain
 from imuscope.recordings import record_kernel
 from imuscope.recordings.direct_writer import DirectWriter
 from imuscope.recordings.errors import RecordingError

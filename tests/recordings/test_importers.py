@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.isb.logs import HEADER, MARKER
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.sources import Source

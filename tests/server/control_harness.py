@@ -8,9 +8,9 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+from imuscope.protocols.commands.transactions import DeviceDriver
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.stream_discovery import ListeningTimes
-from imuscope.protocols.transactions import DeviceDriver
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.requests import StateTimes
 from imuscope.protocols.xbus.simulator.device import XbusSimulator

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from imuscope.protocols.checksums import crc24q
+from imuscope.protocols.framing.checksums import crc24q
 
 
 def message(number: int, epoch: int = 0, length: int = 40) -> bytes:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
-from imuscope.protocols.family import DeviceTraits
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.family.info import DeviceTraits
+from imuscope.protocols.schema.fields import Field, Message
 from imuscope.protocols.xbus.device_info import identity
 from imuscope.server.devices.ingest import ProtocolTraits
 from imuscope.server.devices.protocol_detection import ProtocolSet

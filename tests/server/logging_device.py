@@ -13,8 +13,8 @@ from typing import Any
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.isb.simulator.gpx import GpxSimulator
-from imuscope.protocols.schema import Field
-from imuscope.protocols.validation import bounds, is_whole
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.validation import bounds, is_whole
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration.device_controller import DeviceController
 from tests.server.control_harness import ControlHarness

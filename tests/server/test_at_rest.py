@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.transactions import DeviceContext, DeviceRejectedError
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceRejectedError
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator

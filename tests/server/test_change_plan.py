@@ -5,8 +5,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, cast
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.driver import IsbDriver
-from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.configuration.change_plan import plan_command
 from imuscope.server.configuration.device_controller import DeviceController
 from tests.each_row import each_row

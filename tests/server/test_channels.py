@@ -9,7 +9,7 @@ import pytest
 
 from imuscope.protocols.events import Batch
 from imuscope.protocols.isb.decoder import IsbDecoder
-from imuscope.protocols.schema import Bits, Field, Message
+from imuscope.protocols.schema.fields import Bits, Field, Message
 from imuscope.server.streaming import channels
 from imuscope.server.streaming.channels import ChannelRegistry
 from imuscope.server.wire import ChannelInfo

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.checksums import check_sum8
+from imuscope.protocols.framing.checksums import check_sum8
 from imuscope.protocols.isb.frames import get_data, stop
 from imuscope.server.cli import main
 from tests.each_row import each_row

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.decode_options import DecodeOption
+from imuscope.protocols.family.decode_options import DecodeOption
 from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
 from imuscope.server.commands import arguments
 from imuscope.server.commands.completion import script

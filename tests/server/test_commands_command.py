@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.commands.commands import WIDTH, CommandListRow, manual
 from imuscope.server.commands.compose import ComposeError
 from imuscope.server.configuration.form_builder import all_forms

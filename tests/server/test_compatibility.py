@@ -37,7 +37,7 @@ SAID = {
     "HTTP API": RELEASE,
     "reports of robots to a fleet": version_in("fleet/reports.py", "VERSION"),
     "holder of a shared port": version_in("holder/messages.py", "VERSION"),
-    "plug-in API (`imuscope.plugin`)": version_in("protocols/plugins.py", "API_VERSION"),
+    "plug-in API (`imuscope.plugin`)": version_in("protocols/family/plugins.py", "API_VERSION"),
     "panels of extension packages": next(
         iter(re.findall(r"const VERSION = (\d+)", DOOR.read_text() if DOOR.exists() else "")), ""
     ),

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.embedded.nmea import sentence
 from imuscope.protocols.idtp.frames import LITE, SAFETY, build
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.protocols.nmea import sentence
-from imuscope.protocols.transactions import DeviceContext
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.commands.commands import manual
 from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, frames_of, parse

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext, ReopenLink, Send, Sleep, WaitFor, cancel
 from imuscope.protocols.events import Event
-from imuscope.protocols.transactions import DeviceContext, ReopenLink, Send, Sleep, WaitFor, cancel
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.server.configuration.change_plan import plan_changes
 from imuscope.server.configuration.device_controller import MAX_WAITING, ControlError, DeviceController

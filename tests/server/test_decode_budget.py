@@ -10,7 +10,7 @@ from typing import cast
 
 import pytest
 
-from imuscope.protocols.nmea import sentence
+from imuscope.protocols.embedded.nmea import sentence
 from imuscope.server.devices import decode_budget
 from imuscope.server.devices.decode_budget import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, RoundRobin, Slices
 from imuscope.server.devices.event_reporter import TEXT_SORTS

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.protocols.decode_options import RESERVED, DecodeOption, merged
-from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.family.decode_options import RESERVED, DecodeOption, merged
+from imuscope.protocols.family.info import ProtocolInfo
 from imuscope.protocols.idtp.custom_payloads import parse
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Field, Message
 from imuscope.server.api.decode_options_body import DecodeOptionsBody
 from imuscope.server.commands import arguments as options
 from imuscope.server.commands.common import decode_options_of

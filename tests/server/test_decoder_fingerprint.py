@@ -11,7 +11,7 @@ from tests.server_process import ROOT
 RUN = """
 import sys
 from imuscope.server import decode_worker
-from imuscope.protocols import registry
+from imuscope.protocols.registry import families as registry
 from imuscope.recordings import importers
 print(*(module for module in sys.modules if module.partition(".")[0] == "imuscope"))
 """
@@ -35,11 +35,11 @@ def test_the_decoding_mark_covers_all_decoders_and_no_simulators() -> None:
         *(f"recordings/{name}.py" for name in ("messages", "message_source", "health_history")),
         *(f"server/{name}.py" for name in ("wire_codec", "wire/__init__", "library/decode")),
         *(f"server/devices/{name}.py" for name in ("jitter_causes", "decode_options")),
-        "protocols/registry.py",
+        "protocols/registry/families.py",
         "protocols/messages/cdr.py",
         "protocols/xbus/decoder.py",
         "protocols/isb/time_base.py",
         "protocols/isb/logs.py",
-        "protocols/clock_sync.py",
+        "protocols/clocks/clock_sync.py",
     }
     assert not [name for name in found if name.startswith("protocols/") and "simulator" in name]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from imuscope.protocols.plugins import ProtocolPlugin
+from imuscope.protocols.family.plugins import ProtocolPlugin
 from imuscope.server import extension_settings
 
 

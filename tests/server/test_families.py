@@ -16,7 +16,7 @@ import pytest
 from imuscope.protocols.events import batches
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server import wire, wire_codec
 from imuscope.server.devices.decode_options import DecodeOptions

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.chunk_boundaries import ChunkBoundaries
-from imuscope.protocols.clock_sync import ClockSync
+from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
+from imuscope.protocols.clocks.clock_sync import ClockSync
 from imuscope.protocols.events import Batch, ClockStep
 from imuscope.server.devices.ingest import Ingest, LinkTiming
 from tests.server.fakes import MESSAGE

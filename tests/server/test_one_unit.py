@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Field
-from imuscope.protocols.shown_values import meant, to_shown, to_wire
-from imuscope.protocols.transactions import DeviceContext
-from imuscope.protocols.validation import find_problems
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Field
+from imuscope.protocols.schema.layouts import EncodeError
+from imuscope.protocols.schema.shown_values import meant, to_shown, to_wire
+from imuscope.protocols.schema.validation import find_problems
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.server.commands.inspect_table import _words
 from imuscope.server.configuration.form_builder import field_form

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from imuscope.protocols import events
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.compaction import compact

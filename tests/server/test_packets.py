@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.family import ProtocolInfo
+from imuscope.protocols.family.info import ProtocolInfo
 from imuscope.protocols.idtp.json_codec import frame_to_json as idtp_values
 from imuscope.protocols.isb.json_codec import frame_to_json as isb_values
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.json_codec import frame_to_json as xbus_values
 from imuscope.server.config import Config

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Bits, Field
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Bits, Field
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.family import tables
 from imuscope.server.configuration.api_models import PreviewResult

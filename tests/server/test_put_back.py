@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 import serial
 
+from imuscope.protocols.commands.transactions import DeviceContext, Sleep, Transaction
 from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.isb.frames import get_data
-from imuscope.protocols.transactions import DeviceContext, Sleep, Transaction
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration import put_back, transaction_runner

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imuscope.protocols.schema import Field
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.schema.fields import Field
 from imuscope.protocols.xbus import frames
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.simulator.device import XbusSimulator

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.baud_change import line_change
 from imuscope.protocols.isb.commands import COMMAND_ROWS
 from imuscope.protocols.isb.driver import IsbDriver
-from imuscope.protocols.transactions import DeviceContext
 from imuscope.server.commands import send
 from imuscope.server.configuration.change_plan import plan_command
 from imuscope.server.configuration.form_builder import forms_of

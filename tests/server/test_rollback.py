@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from imuscope.protocols.transactions import DeviceContext, Transaction
+from imuscope.protocols.commands.transactions import DeviceContext, Transaction
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings import atomic_write

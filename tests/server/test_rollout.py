@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.driver import IsbDriver
-from imuscope.protocols.transactions import DeviceContext
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.products import MODELS
 from imuscope.server.configuration.budget import overload, overload_error

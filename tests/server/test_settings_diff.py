@@ -6,8 +6,8 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.api.snapshots import compare_sides
 from imuscope.server.configuration.api_models import CompareRequest, SideRef
 from imuscope.server.configuration.device_controller import DeviceController

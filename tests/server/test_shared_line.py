@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext, NoReplyError
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
-from imuscope.protocols.transactions import DeviceContext, NoReplyError
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build

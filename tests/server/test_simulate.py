@@ -13,7 +13,7 @@ from pathlib import Path
 import serial
 
 from imuscope.protocols.events import Batch
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from tests.each_row import each_row
 from tests.server_process import begun, imuscope

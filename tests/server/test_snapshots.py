@@ -10,10 +10,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.stored_settings import settings_of
-from imuscope.protocols.schema import Field, Setting
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.schema.fields import Field, Setting
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.recordings import bounded_yaml
 from imuscope.server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare

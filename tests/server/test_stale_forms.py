@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.preview import load_of
 from tests.each_row import each_row

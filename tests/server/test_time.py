@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from imuscope.protocols.clock_sync import ClockSync
+from imuscope.protocols.clocks.clock_sync import ClockSync
 from imuscope.protocols.events import Batch, Event
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server import wire
 from imuscope.server.devices import jitter_causes

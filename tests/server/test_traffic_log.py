@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.events import Batch, Reply
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.protocols.schema.fields import Field, Message
 from imuscope.protocols.xbus.frames import build
 from imuscope.server.configuration.controllers import decode
 from imuscope.server.configuration.traffic_log import MAX_A_SECOND, MAX_ENTRIES, TrafficLog, values_text

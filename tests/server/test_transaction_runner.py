@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import Send, WaitFor
 from imuscope.protocols.events import Event
-from imuscope.protocols.transactions import Send, WaitFor
 from imuscope.server.configuration.transaction_runner import Runner, position_of
 
 SECRET = bytes.fromhex("00112233445566778899aabbccddeeff")

@@ -11,7 +11,7 @@ from imuscope.protocols.idtp.frames import build as idtp_frame
 from imuscope.protocols.isb.decoder import IsbDecoder
 from imuscope.protocols.isb.frames import DATA
 from imuscope.protocols.isb.frames import build as isb_frame
-from imuscope.protocols.schema import Field, Message
+from imuscope.protocols.schema.fields import Field, Message
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.frames import build as xbus_frame
 from imuscope.server import wire

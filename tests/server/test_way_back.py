@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.messages import places
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.isb.simulator.settings import FLASH, summed
-from imuscope.protocols.layouts import EncodeError
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.recordings import atomic_write
 from imuscope.server.configuration import rollback
 from imuscope.server.configuration.change_plan import plan_changes

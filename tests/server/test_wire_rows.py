@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pytest
 
-from imuscope.protocols.compiled import plain
 from imuscope.protocols.events import Batch
+from imuscope.protocols.native.kernels import plain
 from imuscope.server.devices.decode_options import checked_options
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.streaming import ring_buffer

@@ -30,7 +30,7 @@ from pathlib import Path
 
 from imuscope.protocols.isb.dataset_loader import SETS, SOURCE, TABLES
 from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
-from imuscope.protocols.schema import Bits
+from imuscope.protocols.schema.fields import Bits
 from tests.vendor.constants import Constants, constants, expressions
 
 KEPT = Path(__file__).parents[1] / "golden" / "isb" / "vendor.json"

@@ -17,7 +17,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from imuscope.protocols.schema import Bits
+from imuscope.protocols.schema.fields import Bits
 from imuscope.protocols.xbus import data_identifiers, enums, messages
 from tests.vendor.constants import Constants, constants
 

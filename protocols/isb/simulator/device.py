@@ -28,8 +28,9 @@ from collections import Counter
 
 import numpy as np
 
-from imuscope.protocols.embedded_protocols import STARTS, find
+from imuscope.protocols.embedded.finders import STARTS, find
 from imuscope.protocols.events import Text
+from imuscope.protocols.framing.stream_parser import StreamParser
 from imuscope.protocols.isb import frames
 from imuscope.protocols.isb.frames import ACK, DATA, GET_DATA, NACK, WITH_OFFSET
 from imuscope.protocols.isb.simulator import nmea
@@ -54,7 +55,6 @@ from imuscope.protocols.isb.simulator.signals import (
 )
 from imuscope.protocols.isb.streams import BY_BIT, dids_of
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
-from imuscope.protocols.stream_parser import StreamParser
 
 PRODUCTS = ("IMX-5", "GPX-1")  # the second is gpx.py
 IMU_SOURCES = ("nav", "imu")

@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.embedded.nmea import sentence
 from imuscope.protocols.isb.commands import NMEA_MESSAGES
 from imuscope.protocols.isb.simulator.signals import DTYPES
 from imuscope.protocols.isb.time_base import GPS_EPOCH
-from imuscope.protocols.nmea import sentence
 
 LEAP_S = 18
 NUMBERS = {name: number for number, name in NMEA_MESSAGES.items()}

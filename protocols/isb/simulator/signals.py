@@ -35,7 +35,7 @@ from imuscope.protocols import rotations
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.frames import DATA, FIRST, HEADER, SECOND, TRAILER
 from imuscope.protocols.isb.time_base import GPS_EPOCH, WEEK_S
-from imuscope.protocols.layouts import element
+from imuscope.protocols.schema.layouts import element
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 

@@ -1,8 +1,8 @@
 """Request parser and reply queue of the simulated MTi.
 
-Requests by the resync rule of protocols/framing.py, on the few bytes sent by a host: noise is skipped, a failed
-candidate gives way to the next preamble, an incomplete one waits, and is dropped when the host is silent. Answers leave
-at once, unless faults are injected (simulator/faults.py).
+Requests by the resync rule of protocols/framing/stream_buffer.py, on the few bytes sent by a host: noise is skipped, a
+failed candidate gives way to the next preamble, an incomplete one waits, and is dropped when the host is silent.
+Answers leave at once, unless faults are injected (simulator/faults.py).
 
 Source: MT0101P 2020.A, 5.1.
 """

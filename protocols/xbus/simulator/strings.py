@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 
 from imuscope.protocols import rotations
-from imuscope.protocols.nmea import checksum
+from imuscope.protocols.embedded.nmea import checksum
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
 from imuscope.protocols.xbus.enums import STRING_TYPES

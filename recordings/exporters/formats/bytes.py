@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from imuscope.protocols.registry import log_formats
+from imuscope.protocols.registry.families import log_formats
 from imuscope.recordings.exporters.raw_bytes import log_writer, write_bytes
 from imuscope.recordings.exporters.registry import ExportFormat, register_exporter
 

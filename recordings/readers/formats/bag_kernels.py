@@ -6,7 +6,7 @@ Source: ROS wiki, "Bags/Format/2.0"; protocols/messages/records.py.
 from __future__ import annotations
 
 from imuscope.protocols.arrays import Array, Bytes, Ints
-from imuscope.protocols.compiled import BYTES, INT, INTS, PAIR, TABLE, ArrayType, compiled
+from imuscope.protocols.native.kernels import BYTES, INT, INTS, PAIR, TABLE, ArrayType, compiled
 
 NUMBER, TIME, START, SIZE = range(4)
 """Rows of a table of messages: number of the topic, arrival in ns, place in the bytes."""

@@ -11,7 +11,7 @@ Source: Betaflight documentation, "Blackbox logging internals" (encodings, predi
 from __future__ import annotations
 
 from imuscope.protocols.arrays import Bytes, Ints
-from imuscope.protocols.compiled import BYTES, INT, INTS, PAIR, TABLE, compiled
+from imuscope.protocols.native.kernels import BYTES, INT, INTS, PAIR, TABLE, compiled
 
 INTRA, INTER, SLOW, GPS, HOME, EVENT = range(6)
 RESUMED = 14  # an event: logging goes on after a pause

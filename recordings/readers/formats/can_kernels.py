@@ -31,8 +31,8 @@ from imuscope.protocols.can.lines import (
     name_at,
     seconds_at,
 )
-from imuscope.protocols.compiled import BYTES, INT, INTS, PAIR, TABLE, TRIPLE, ArrayType, compiled
-from imuscope.protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE
+from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, OFFSET, SIZE
+from imuscope.protocols.native.kernels import BYTES, INT, INTS, PAIR, TABLE, TRIPLE, ArrayType, compiled
 
 LOG, TERMINAL, ASC = range(3)
 """Forms of a log."""

@@ -36,9 +36,9 @@ from imuscope.protocols.can.lines import (
     payloads,
 )
 from imuscope.protocols.can.survey import CanDevice, devices_of, message_names
-from imuscope.protocols.counters import TickUnwrapper
-from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER
-from imuscope.protocols.plural import counted
+from imuscope.protocols.clocks.counters import TickUnwrapper
+from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, SENDER
+from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.clock_steps import duration_text
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.message_source import MessageFile

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.can.lines import BUS, BUS_KEY, DATA, STAMP, payloads
 from imuscope.protocols.can.survey import CanIdentifier
-from imuscope.protocols.framing import BODY, ID, LENGTH, SENDER
+from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, SENDER
 
 Since = Literal["1970", "start", "line", "none"]
 """What the times of a log are counted from."""

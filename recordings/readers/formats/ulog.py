@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Ints
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.flight_log import (
     BLOCK_BYTES,

@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.dates import UNKNOWN, utc_ns
-from imuscope.protocols.plural import counted
+from imuscope.protocols.clocks.dates import UNKNOWN, utc_ns
+from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource

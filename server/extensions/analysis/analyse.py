@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any, TextIO
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.server.commands.decode import time_range_of
 from imuscope.server.errors import UsageError

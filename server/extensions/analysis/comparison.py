@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.plural import counted
 from imuscope.protocols.rotations import angle_of, conjugate, mean_rotation, product, slerp
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.sampling import sampling_of, unwrapped
 from imuscope.server.extensions.analysis.signals import Floats, Signal

@@ -10,7 +10,7 @@ from fastapi import Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.recordings.column_store import Base, ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.server.api.dependencies import TheServices

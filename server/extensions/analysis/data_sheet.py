@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.analysis.allan_deviation import AllanCurve, intervals
 from imuscope.server.extensions.analysis.noise_model import DOUBT, FLAT, NoiseModel
 from imuscope.server.extensions.analysis.signals import DataSheetNoise, Floats

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.column_store import Base, ColumnStore
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.body_axes import ATTITUDES

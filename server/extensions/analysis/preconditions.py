@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.extensions.analysis.allan_deviation import AllanCurve
 from imuscope.server.extensions.analysis.companions import Companions
 from imuscope.server.extensions.analysis.disturbances import (

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from imuscope.protocols.plugins import Registry
+from imuscope.protocols.family.plugins import Registry
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals import Signal
 from imuscope.server.extensions.analysis.units import Unit

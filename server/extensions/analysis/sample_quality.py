@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.extensions.analysis.signals import Floats
 
 MOST = 100_000  # samples that determine the resolution

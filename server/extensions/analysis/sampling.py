@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals import Floats, Signal
 

@@ -11,8 +11,8 @@ from fastapi import Query, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.recordings.column_store import Base
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import responses

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.clock_steps import duration_text
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, clocks_of

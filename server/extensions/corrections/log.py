@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Protocol
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.wire import Level
 
 MAX_KINDS = 8

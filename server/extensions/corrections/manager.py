@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.commands.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.configuration.api_models import Corrections
 from imuscope.server.devices.link_member import LinkMember
 from imuscope.server.devices.sessions import Sessions

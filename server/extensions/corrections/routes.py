@@ -6,7 +6,7 @@ import asyncio
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.api.configure import OneController
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import check_path

@@ -29,11 +29,11 @@ from pathlib import Path
 from typing import Protocol
 from urllib.parse import unquote, urlsplit
 
+from imuscope.protocols.embedded.nmea import sentence
+from imuscope.protocols.embedded.rtcm import RtcmFramer, epoch_ms
 from imuscope.protocols.events import Event, Reply
-from imuscope.protocols.family import CorrectionInput, PositionFix
-from imuscope.protocols.nmea import sentence
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
+from imuscope.protocols.family.info import CorrectionInput, PositionFix
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.api_models import Corrections
 from imuscope.server.devices.position_tracker import PositionTracker

@@ -20,8 +20,8 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-from imuscope.protocols.schema import Field
-from imuscope.protocols.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, Values
+from imuscope.protocols.schema.fields import Field
 from imuscope.server.configuration.api_models import Difference
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.extensions.fleet.reports import Name, ReportError

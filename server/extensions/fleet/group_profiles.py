@@ -22,7 +22,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from imuscope.protocols.transactions import DeviceDriver
+from imuscope.protocols.commands.transactions import DeviceDriver
 from imuscope.recordings import atomic_write
 from imuscope.server.configuration.api_models import Difference
 from imuscope.server.configuration.controllers import driver_of

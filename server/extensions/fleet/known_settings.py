@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from imuscope.protocols.transactions import Values
+from imuscope.protocols.commands.transactions import Values
 from imuscope.recordings import atomic_write
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings, encode_settings, writable_settings

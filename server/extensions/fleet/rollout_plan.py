@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from imuscope.protocols.transactions import DeviceDriver
+from imuscope.protocols.commands.transactions import DeviceDriver
 from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings

@@ -21,7 +21,7 @@ from urllib.parse import quote
 
 import msgspec
 
-from imuscope.protocols.transactions import DeviceDriver
+from imuscope.protocols.commands.transactions import DeviceDriver
 from imuscope.server.configuration.value_format import numbers
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings, difference, writable_settings

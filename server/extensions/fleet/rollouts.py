@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from imuscope.protocols.transactions import DeviceDriver
+from imuscope.protocols.commands.transactions import DeviceDriver
 from imuscope.recordings import atomic_write
 from imuscope.recordings.regular_file import read_regular
 from imuscope.server.errors import DomainError

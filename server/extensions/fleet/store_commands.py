@@ -7,7 +7,7 @@ import contextlib
 import sys
 from collections.abc import Iterator
 
-from imuscope.protocols.plural import counted
+from imuscope.protocols.schema.plural import counted
 from imuscope.server.commands.common import file_to_decode, seekable
 from imuscope.server.errors import UsageError
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 
 _ANGULAR, _LINEAR = ("angular_velocity", "turn"), ("linear_acceleration", "acceleration")
 COVARIANCES: Mapping[str, Sequence[tuple[str, str]]] = {

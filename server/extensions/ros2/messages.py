@@ -27,8 +27,8 @@ from dataclasses import asdict
 
 import numpy as np
 
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import quaternions
-from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.recordings.enu import is_place
 from imuscope.server.extensions.ros2.axes import Floats, body_vectors, world_vectors
 from imuscope.server.extensions.ros2.cdr_rows import stamp_columns

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from annotated_types import Interval
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extension_settings import ExtensionSettings
 from imuscope.server.extensions.ros2.covariances import noise_of
 from imuscope.server.setting_types import Form, is_router_address, one_of

@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from imuscope.protocols.commands.transactions import Values
 from imuscope.protocols.events import Event, Reply
-from imuscope.protocols.transactions import Values
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.settings_reader import plain_values

@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-from imuscope.protocols.compiled import FOUR, INT, LibraryFunction, TupleType, compiled, library_place
+from imuscope.protocols.native.kernels import FOUR, INT, LibraryFunction, TupleType, compiled, library_place
 from imuscope.server.extensions.shares.holder.messages import MessageKind
 from imuscope.server.read_kernel import SECOND_NS, clock_gettime, ppoll, read
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.analysis.registry import analysis_named
 from imuscope.server.extensions.analysis.report import figures_of
 from imuscope.server.extensions.analysis.signal_request import requested_signals

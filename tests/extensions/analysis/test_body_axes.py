@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import ENU_FROM, conjugate, euler_columns, product
-from imuscope.protocols.sensor_properties import SensorProperties
 from imuscope.protocols.simulator.trajectory import MotionState, vehicle_motion
 from imuscope.server.extensions.analysis.signal_request import requested_signals, unknown_product
 from imuscope.server.extensions.analysis.signals import Floats

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.data_sheet import TOLERANCE, data_sheet_of
 from imuscope.server.extensions.analysis.registry import FiguresOfSignal, analysis_named

@@ -16,11 +16,11 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.embedded.rtcm import RtcmFramer, epoch_ms
 from imuscope.protocols.events import Event
-from imuscope.protocols.family import PositionFix
+from imuscope.protocols.family.info import PositionFix
 from imuscope.protocols.isb.decoder import IsbDecoder
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.protocols.rtcm import RtcmFramer, epoch_ms
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration.api_models import Corrections

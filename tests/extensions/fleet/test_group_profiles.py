@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.protocols.registry import PROTOCOLS
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.device_settings import (
     MAX_SETTINGS,

@@ -57,7 +57,7 @@ async def test_a_quantity_is_advertised_and_plots_without_set_up(bridged: Server
         values = np.array([list(json.loads(body).values()) for _, _, body in found])
         assert np.linalg.norm(values, axis=1) == pytest.approx(9.8, abs=1.5)
         # Device time: 100 Hz, whatever the arrival. The clock of a device is learned in its first seconds: where
-        # its first samples were late, their times catch up (protocols/clock_model.py, SLEW_FAR).
+        # its first samples were late, their times catch up (protocols/clocks/clock_model.py, SLEW_FAR).
         async with asyncio.timeout(PATIENCE_S):
             while np.diff([at for _, at, _ in found]) != pytest.approx(0.01, abs=0.002):
                 found = await client.messages(50)

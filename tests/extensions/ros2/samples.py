@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.ros2.message_builder import FrameNames
 from imuscope.server.extensions.ros2.messages import builders_of
 from imuscope.server.extensions.ros2.quantities import quantities_of

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.ros2.messages import FrameNames, builders_of
 from imuscope.server.extensions.ros2.quantities import quantities_of
 from tests.each_row import each_row

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.extensions.ros2.covariances import SensorNoise, noise_of
 from imuscope.server.extensions.ros2.message_builder import FrameNames
 from imuscope.server.extensions.ros2.messages import builders_of

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.sensor_properties import SensorProperties
+from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server import wire
 from imuscope.server.config import ConfigError, load
 from imuscope.server.devices.device_names import DeviceNames

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.client_frames import SETTINGS
 from imuscope.protocols.isb.stored_settings import STORED
-from imuscope.protocols.registry import PROTOCOLS
-from imuscope.protocols.transactions import DeviceContext
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.extensions.shares.holder.arbiter import MOST_TURN_S, QUIET_S, SERVER, Arbiter
 from imuscope.server.extensions.shares.holder.client_frames import ClientFrames, FrameRules
 from imuscope.server.extensions.shares.holder.clients import LEAST_BURST, sendable

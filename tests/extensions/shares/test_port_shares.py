@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
+from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.events import Batch, RejectedFrame, SampleGap
-from imuscope.protocols.transactions import DeviceContext
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.protocols.compiled import plain
+from imuscope.protocols.native.kernels import plain
 from imuscope.recordings import priority
 from imuscope.server.config import load
 from imuscope.server.extensions.shares import relay_kernel

@@ -132,7 +132,7 @@ def _offset(event: Event) -> int:
 
 
 class MipLister:
-    """Chunks in, lines out; see imuscope.protocols.family.FrameLister.
+    """Chunks in, lines out; see imuscope.protocols.family.info.FrameLister.
 
     Args:
         timestamps: an option of the decoder; a listing shows what was sent.

@@ -82,7 +82,7 @@ SETTINGS = (
 
 
 class MipDriver(DeviceDriver):
-    """See imuscope.protocols.transactions.DeviceDriver."""
+    """See imuscope.protocols.commands.transactions.DeviceDriver."""
 
     name = "mip"
     usual_rates = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)

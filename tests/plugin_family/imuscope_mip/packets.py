@@ -58,7 +58,7 @@ def _status(packet: bytes) -> int:
 
 
 def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
-    """See protocols/framing.py."""
+    """See protocols/framing/stream_buffer.py."""
     raw = data.tobytes()
     done = failed = framed = 0
     while done < table.shape[1]:

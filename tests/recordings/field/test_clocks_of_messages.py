@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer as RosWriter
 
+from imuscope.protocols.embedded.nmea import sentence
 from imuscope.protocols.messages.stamps import StampTrack
-from imuscope.protocols.nmea import sentence
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file

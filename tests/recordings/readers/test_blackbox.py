@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imuscope.protocols.compiled import plain
+from imuscope.protocols.native.kernels import plain
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file
 from imuscope.recordings.readers.formats import blackbox_kernel

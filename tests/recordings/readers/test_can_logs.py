@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.can.lines import LINE, scan
-from imuscope.protocols.compiled import plain
-from imuscope.protocols.framing import QUANTITIES
+from imuscope.protocols.framing.stream_buffer import QUANTITIES
+from imuscope.protocols.native.kernels import plain
 from imuscope.recordings.column_store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers import open_file

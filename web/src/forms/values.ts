@@ -81,7 +81,7 @@ export function typed(field: FieldForm, wire: unknown): string {
 
 const LONG = 0x8000_0000n;
 
-/** An identifier as on its label: 0080003A, with 64 bits 0080800001. See device_label in protocols/labels.py. */
+/** An identifier as on its label: 0080003A, with 64 bits 0080800001. See device_label in protocols/schema/labels.py. */
 function identifier(value: bigint): string {
   let [high, low] = [value >> 32n, value & 0xffff_ffffn];
   if ((high & LONG) !== 0n && (low & LONG) === 0n) [high, low] = [low, high];

@@ -1,7 +1,7 @@
 """Frames of a client on their way to the device: which of them configure it.
 
-A protocol family names modules for this (protocols/family.py: `frame_size`, `configuration`); without them nothing is
-recognised. The bytes are passed on as they come, whatever is found in them.
+A protocol family names modules for this (protocols/family/info.py: `frame_size`, `configuration`); without them nothing
+is recognised. The bytes are passed on as they come, whatever is found in them.
 """
 
 from __future__ import annotations

@@ -1,0 +1,31 @@
+"""Mounting of a sensor as its devices store it: a rotation from the sensor's axes to those of the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.protocols.commands.transactions import Values
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MountingSetting:
+    """The setting of a family that takes a mounting rotation.
+
+    Args:
+        setting: its name.
+        field: one of its fields, without which a product does not have it.
+        values: of the setting, from the matrix (3, 3) that turns vectors as the device sends them into the vehicle, and
+            from its present values. A device that sends vectors already turned by the setting adds the two.
+        note: sentence on its effect.
+    """
+
+    setting: str
+    field: str
+    values: Callable[[Floats, Values], Values]
+    note: str

@@ -1,0 +1,257 @@
+"""NMEA 0183 sentences: framing and fields.
+
+A sensor's port carries NMEA 0183 sentences between, or instead of, its own frames (MT0101P 2020.A, 5.3.5):
+
+    $ HCHDM , 123.45 , M * 2 5 CR LF
+    │ └─┬─┘   └──┬───┘   └┬┘ └─┬─┘
+    │   │        │        │    line end; a lone LF is taken too
+    │   │        │        exclusive-or of all between $ and *, two hexadecimal digits
+    │   │        fields, any width, may be empty
+    │   address: talker and sentence, or P and a maker's own
+    start; ! for encapsulated ones
+
+The framing is: a start, printable characters, a line end within `LONGEST` bytes, no other start between. A sentence
+with a wrong checksum, or broken off, is found too, with an empty name, so that losses are counted. Fields come from two
+places: `SENTENCES` below for those specific to one family of devices, pynmeagps for the rest.
+
+Rules for editing: a new sentence is a row in `SENTENCES`. `dtype` "f8" is a number (None when the field is empty),
+"i8" a whole one, "ascii" a word. Widths and decimals are free: the document contradicts itself (PSONCMS has "MM,MMMM",
+XSVEL mixes 3 and 4 decimals).
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from imuscope.protocols.embedded import vectornav
+from imuscope.protocols.events import LazyMapping, ParsedMessage
+from imuscope.protocols.schema.fields import Field, Message
+
+LONGEST = 192  # the standard says 82; $PSONCMS needs 132
+_BODY = re.compile(rb"[$!]([\x20\x22\x23\x25-\x7e]{0,188})(\r?\n)?")  # printable, no other start
+_ADDRESS = re.compile(rb"[$!]([A-Z][A-Z0-9]{2,9})[,*]")
+_SUM = re.compile(rb"\*([0-9A-Fa-f]{2})$")
+_STARTS = re.compile(rb"[$!]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # Python's float also accepts "1_0" and "inf"
+_WHOLE = re.compile(r"[+-]?\d{1,20}", re.ASCII)
+STARTS = re.compile(rb"[$!][A-Z]")  # start of anything treated as a sentence, valid or broken
+
+SOURCE = "MT0101P 2020.A, 5.3.5 SetStringOutputType"
+UNCHECKED = frozenset({"PRDID", "HEHDT"})  # without a checksum in that table; accepted with and without
+
+
+def _number(name: str, unit: str, doc: str = "") -> Field:
+    return Field(name, "f8", unit=unit, doc=doc)
+
+
+def _word(name: str, doc: str, choices: Mapping[int, str] | None = None) -> Field:
+    return Field(name, "ascii", doc=doc, choices=choices or {})
+
+
+def _vector(name: str, unit: str) -> tuple[Field, ...]:
+    return tuple(_number(name + axis, unit) for axis in "XYZ")
+
+
+PAIRS: dict[str, tuple[str, str]] = {}  # see add_sentences
+SENTENCES: dict[str, Message] = {
+    row.name: row
+    for row in (
+        Message(
+            3,
+            "PHTRO",
+            (
+                _number("pitch", "°"),
+                _word("pitchSide", "M: bow up, P: bow down"),
+                _number("roll", "°"),
+                _word("rollSide", "B: port down; the other letter is garbled in the document, T: port up"),
+            ),
+            doc="Pitch and roll.",
+            source=SOURCE,
+        ),
+        Message(
+            4,
+            "PRDID",
+            (
+                _number("pitch", "°", "Bow up is positive."),
+                _number("roll", "°", "Port up is positive."),
+                _number("headingT", "°"),
+            ),
+            doc="Pitch, roll and true heading.",
+            source=SOURCE,
+        ),
+        Message(
+            6,
+            "PSONCMS",
+            (
+                *(_number(f"q{i}", "") for i in range(4)),
+                *_vector("acc", "m/s²"),
+                *_vector("gyr", "rad/s"),
+                *_vector("mag", "a.u."),
+                _number("temp", "°C"),
+            ),
+            doc="Quaternion, acceleration, rate of turn, magnetic field, temperature.",
+            source=SOURCE,
+        ),
+        Message(
+            11,
+            "PTCF",
+            (
+                _number("heading", "°"),
+                _word("headingRef", "T: true north"),
+                _number("roll", "°"),
+                _number("pitch", "°"),
+                _number("rollRate", "°/s"),
+                _number("pitchRate", "°/s"),
+            ),
+            doc="Heading, roll, pitch and their rates.",
+            source=SOURCE,
+        ),
+        Message(12, "XSVEL", _vector("vel", "m/s"), doc="Velocity.", source=SOURCE),
+        *vectornav.SENTENCES,
+    )
+}
+
+
+def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMessage], int]:
+    """All sentences in `data`, a stretch without frames of another protocol.
+
+    Args:
+        final: no data follows; incomplete sentences will never be completed.
+
+    Returns:
+        the sentences in order, and the position from which bytes must be kept because a sentence there may be
+        incomplete (the length of `data` if none is).
+    """
+    data = bytes(data)
+    messages: list[ParsedMessage] = []
+    at = 0
+    while start := _STARTS.search(data, at):
+        begin = start.start()
+        body = _BODY.match(data, begin)
+        assert body is not None
+        if body.group(2):
+            end = body.end()
+            if sentence := _sentence(data[begin:end], begin):
+                messages.append(sentence)
+        else:
+            end = body.end(1)
+            left = len(data) - end
+            cut_short = left == 0 or (left == 1 and data[end] == 0x0D)
+            if cut_short and end - begin <= LONGEST - 4 and not final:
+                return messages, begin
+            if _ADDRESS.match(data, begin):
+                messages.append(ParsedMessage(begin, end - begin, "nmea", "", _text(data[begin:end])))
+        at = max(end, begin + 1)
+    return messages, len(data)
+
+
+def _sentence(raw: bytes, offset: int) -> ParsedMessage | None:
+    """A whole line, checked and read. None for a line that only starts like a sentence."""
+    line = raw.rstrip(b"\r\n")
+    address = _ADDRESS.match(line + b",")
+    if not address:
+        return None
+    name = address.group(1).decode("ascii")
+    total = _SUM.match(line, max(len(line) - 3, 0))
+    if total:
+        content = line[1 : total.start()]
+        good = checksum(content) == int(total.group(1), 16)
+    else:
+        content = line[1:]
+        good = name in UNCHECKED
+    if not good:
+        return ParsedMessage(offset, len(raw), "nmea", "", _text(line))
+    read = functools.partial(_own, name, content) if name in SENTENCES else functools.partial(_standard, line, content)
+    fields = LazyMapping(read)
+    return ParsedMessage(offset, len(raw), "nmea", name, _text(line), fields)
+
+
+def checksum(content: bytes) -> int:
+    """Exclusive-or of the bytes between start and asterisk: computed as one long number, halved until a byte is
+    left.
+    """
+    total = int.from_bytes(content, "big")
+    shift = 8 << max(len(content) - 1, 1).bit_length()
+    while shift > 8:
+        shift >>= 1
+        total ^= total >> shift
+    return total & 0xFF
+
+
+def sentence(text: str) -> bytes:
+    """A line of NMEA 0183: `text` is the part between $ and *."""
+    return f"${text}*{checksum(text.encode()):02X}\r\n".encode()
+
+
+def add_sentences(rows: Iterable[Message], pairs: Mapping[str, tuple[str, str]]) -> None:
+    """Register sentences specific to one family of devices.
+
+    Args:
+        rows: their fields, in order.
+        pairs: names of those that end in a variable number of pairs: id_1, period_1, id_2 …
+    """
+    SENTENCES.update((row.name, row) for row in rows)
+    PAIRS.update(pairs)
+
+
+def _own(name: str, content: bytes) -> dict[str, Any]:
+    """Values of a sentence from the table; missing fields are left out, surplus ones kept."""
+    words = _text(content).split(",")[1:]
+    values: dict[str, Any] = {}
+    for row, word in zip(SENTENCES[name].fields, words, strict=False):
+        values[row.name] = word.strip() if row.dtype == "ascii" else _number_of(row, word)
+    count = len(SENTENCES[name].fields)
+    pair = PAIRS.get(name)
+    for index in range(count, len(words)):
+        if pair:
+            values[f"{pair[(index - count) % 2]}_{(index - count) // 2 + 1}"] = _whole(words[index])
+        else:
+            values[f"field_{index + 1:02d}"] = words[index]
+    return values
+
+
+def _number_of(row: Field, word: str) -> float | int | None:
+    return number_of(word) if row.dtype == "f8" else _whole(word)
+
+
+def _whole(word: str) -> int | None:
+    return int(word) if _WHOLE.fullmatch(word.strip()) else None
+
+
+def number_of(word: str) -> float | None:
+    """The number of a word; None if it is not one, or not finite ("nan" is not a measurement)."""
+    value = float(word) if _NUMBER.fullmatch(word.strip()) else math.nan
+    return value if math.isfinite(value) else None
+
+
+def _standard(line: bytes, content: bytes) -> dict[str, Any]:
+    """Values of a standard sentence, read by pynmeagps; latitude and longitude in signed degrees."""
+    import pynmeagps  # here, because it takes 60 ms, unneeded without sentences
+    from pynmeagps import exceptions
+
+    bad = (exceptions.NMEAMessageError, exceptions.NMEAParseError, exceptions.NMEATypeError, exceptions.NMEAStreamError)
+    try:
+        message = pynmeagps.NMEAReader.parse(line + b"\r\n", validate=0)
+    except (*bad, ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
+        message = None  # the checksum is right, so the sentence counts; its words are kept as they are
+    if message is None:
+        return {f"field_{i:02d}": word or None for i, word in enumerate(_text(content).split(",")[1:], 1)}
+    return {name: _plain(value) for name, value in vars(message).items() if not name.startswith("_")}
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and words only: times and dates as ISO 8601, an empty field or a number that is not finite as None."""
+    if isinstance(value, datetime.time | datetime.date):
+        return value.isoformat()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return None if value == "" else value
+
+
+def _text(raw: bytes) -> str:
+    return raw.decode("ascii", "replace")
