@@ -89,8 +89,8 @@ from imuscope.recordings.readers.registry import register_reader as register_rea
 
 # Readers.
 from imuscope.recordings.sources import FileDamage as FileDamage
-from imuscope.recordings.tabular import TableRows as TableRows
-from imuscope.recordings.tabular import TableSource as TableSource
+from imuscope.recordings.tables.table_source import TableRows as TableRows
+from imuscope.recordings.tables.table_source import TableSource as TableSource
 
 # Extensions of the server.
 from imuscope.server.api.dependencies import TheServices as TheServices

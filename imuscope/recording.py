@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import polars
     import pyarrow
 
-    from imuscope.recordings.column_store import ColumnStore
+    from imuscope.recordings.columns.store import ColumnStore
 
 Floats = NDArray[np.float64]
 
@@ -398,8 +398,8 @@ def open(
         ImuscopeError: it cannot be opened; where its times can be read in two ways the message names the option.
     """
     from imuscope.recordings.errors import ExplainedError
-    from imuscope.recordings.importers import open_file
-    from imuscope.recordings.table_options import TableOptions
+    from imuscope.recordings.importers.open_file import open_file
+    from imuscope.recordings.tables.options import TableOptions
     from imuscope.server.devices.decode_options import DecodeOptions
     from imuscope.server.devices.protocol_set import all_protocols
     from imuscope.server.library.computed_signals import compute_signals

@@ -237,7 +237,7 @@ def _replay(options: argparse.Namespace) -> None:
     if not 0.01 <= options.speed <= 1000:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
     warn_if_interpreted(size_of(Path(options.file)))
-    from imuscope.recordings.importers import open_file
+    from imuscope.recordings.importers.open_file import open_file
     from imuscope.server import logging_setup
     from imuscope.server.commands import replay
 

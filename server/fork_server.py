@@ -40,7 +40,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
-from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.system.parent_death import die_with_parent
 from imuscope.server.workers import Worker
 
 IDLE_S = 300.0

@@ -18,11 +18,11 @@ from typing import Any, BinaryIO, cast
 import numpy as np
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.parent_death import die_with_parent
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.replay import extent
-from imuscope.recordings.resource_limits import TooLong, bounded, bounded_by
 from imuscope.recordings.sources import Source
+from imuscope.recordings.system.parent_death import die_with_parent
+from imuscope.recordings.system.resource_limits import TooLong, bounded, bounded_by
 
 STANDARD_INPUT, STANDARD_OUTPUT, STANDARD_ERROR = range(3)
 

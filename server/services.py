@@ -12,8 +12,8 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from imuscope.recordings.library import Library
-from imuscope.recordings.table_memory import TableMemory
+from imuscope.recordings.library.library import Library
+from imuscope.recordings.library.remembered_tables import TableMemory
 from imuscope.server import shutdown
 from imuscope.server.auth import Access
 from imuscope.server.capability_list import list_capabilities

@@ -37,7 +37,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from imuscope.recordings.atomic_write import write_atomic
+from imuscope.recordings.system.atomic_write import write_atomic
 from imuscope.server.config import Config, ConfigError
 
 FOLDER = "tls"

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.parent_death import die_with_parent, report_to_parent
-from imuscope.recordings.priority import lower_priority
-from imuscope.recordings.resource_limits import TooLong, bounded
+from imuscope.recordings.system.parent_death import die_with_parent, report_to_parent
+from imuscope.recordings.system.priority import lower_priority
+from imuscope.recordings.system.resource_limits import TooLong, bounded
 
 STEP = 0.005  # of the progress
 

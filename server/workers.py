@@ -3,8 +3,8 @@
     start ──> request: one JSON object on its standard input ──> messages, one JSON object per line ──> wait
                                                                                     or ──> end, at any time
 
-It lowers its own priority, and ends when the server is killed (recordings/parent_death.py). A worker that has arguments
-reads no standard input. Its standard error goes to that of the server.
+It lowers its own priority, and ends when the server is killed (recordings/system/parent_death.py). A worker that has
+arguments reads no standard input. Its standard error goes to that of the server.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings import atomic_write
-from imuscope.recordings.regular_file import read_regular
+from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_regular
 from imuscope.server.errors import DomainError
 
 log = logging.getLogger("imuscope.workspaces")

@@ -34,7 +34,7 @@ from hypothesis.internal.conjecture import providers
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket
 
 from imuscope.protocols.native import kernels as compiled
-from imuscope.recordings import priority
+from imuscope.recordings.system import priority
 from tests import browser_engine, chromium, each_row, fork_server, forked_workers, server_process
 from tests.checking import machine
 from tests.checking.affected import durations

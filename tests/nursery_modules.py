@@ -40,7 +40,7 @@ WORKERS = (
     ),
 )
 """Modules that a server runs in processes of their own, for seconds: their start would take most of the time. Not
-imuscope.recordings.compaction, which imports little and may have little memory.
+imuscope.recordings.mcap.compaction, which imports little and may have little memory.
 """
 _HEAVY: dict[str, tuple[str, ...]] = {
     "imuscope.server.extensions.analysis.worker": ("scipy.fft", "scipy.ndimage", "scipy.signal"),

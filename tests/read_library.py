@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from imuscope.recordings.library import Library
-from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.probe import probe
-from imuscope.recordings.recording_probe import TABLE_FORMATS
-from imuscope.recordings.table_preview import check_upload, heading_of
+from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.library.library import Library
+from imuscope.recordings.library.probe import probe
+from imuscope.recordings.library.recording_probe import TABLE_FORMATS
+from imuscope.recordings.library.table_preview import check_upload, heading_of
 
 
 class ReadLibrary(Library):

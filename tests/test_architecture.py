@@ -143,7 +143,7 @@ SERVER["extensions"] = set(SERVER)  # one imports of another what it requires: t
 
 # Mechanisms that exist once: the file, and a pattern of further implementations.
 ONE_PLACE = {
-    "recordings/atomic_write.py": r"\bos\.replace\(|\baside\.replace\(",
+    "recordings/system/atomic_write.py": r"\bos\.replace\(|\baside\.replace\(",
     "server/workers.py": r"create_subprocess_|\bmultiprocessing\b|\bsubprocess\.(Popen|run|call|check_\w+)\(",
     "server/limiters.py": r"[+] \(?(now|\w+\.monotonic\(\)) - [\w.]+\)? \* [\w.]*(rate|per_s)|, now - \w*BURST",
     # a product of quaternions, a rotation matrix, ZYX angles to a quaternion and back

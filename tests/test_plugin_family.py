@@ -21,7 +21,7 @@ from imuscope.protocols.events import Batch
 from imuscope.protocols.family.plugins import GROUP
 from imuscope.protocols.registry.families import ProtocolInfo, load_families
 from imuscope.protocols.simulator.family import SimulatorRequest
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from tests import fork_server
 from tests.each_row import each_row
 from tests.fork_server import ForkServer

@@ -235,7 +235,7 @@ which analyses had to themselves before files from outside were read in its proc
 MOST_SERVICES = MOST_IMPORTS = 25
 BEHIND_A_DOOR = (
     ROOT / "recordings" / "readers" / "formats",  # one file a format, found by its registration, as families are
-    ROOT / "protocols" / "compiler",  # runs when a package is built, never in a server
+    ROOT / "protocols" / "native" / "compiler",  # runs when a package is built, never in a server
 )
 
 

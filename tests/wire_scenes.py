@@ -24,8 +24,8 @@ from imuscope.protocols.idtp.frames import build as idtp_frame
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.writer import McapWriter
 from tests import known_attitude
 from tests.bench.serial_device import frame
 from tests.faulty_line import FaultyLine

@@ -9,6 +9,6 @@
     decoder.py      the stream → batches
     family.py       what the rest of the program knows of them
 
-A link that receives messages (server/links/) and a file of messages (recordings/messages.py) give the same stream, so
-that both are shown, recorded, exported and replayed alike.
+A link that receives messages (server/links/) and a file of messages (recordings/mcap/messages.py) give the same stream,
+so that both are shown, recorded, exported and replayed alike.
 """

@@ -1,7 +1,7 @@
 """Quantities of JSON messages that imuscope wrote: its decoded exports, and its Foxglove server.
 
-Their schema (recordings/topics.py) has the title of the quantity, and of each field the unit and the frame. So the
-messages of another imuscope are the same quantities again.
+Their schema (recordings/exporters/topics.py) has the title of the quantity, and of each field the unit and the frame.
+So the messages of another imuscope are the same quantities again.
 """
 
 from __future__ import annotations

@@ -14,11 +14,11 @@ import secrets
 import shutil
 from pathlib import Path
 
-from imuscope.recordings import atomic_write
 from imuscope.recordings.errors import RecordingError, disk_error
 from imuscope.recordings.exporters.registry import EXPORTERS, ExportFormat
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
 from imuscope.recordings.optional_packages import installation_of, lacks
+from imuscope.recordings.system import atomic_write
 
 __all__ = ["FORMATS", "PROBLEMS", "ExportError", "ExportFormat", "ExportRequest", "by_suffix", "export"]
 

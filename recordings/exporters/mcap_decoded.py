@@ -6,7 +6,7 @@
                    /<device>/<message>/arrival: its arrival, and the segment of the clock if there are several;
                    /<device>/<message>/bytes: undescribed payloads, base64 according to their schema
     log time       device time mapped to the host's clock; its arrival if it has none (or if the base is arrival)
-    message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/standard_schemas.py)
+    message        JSON {"x_m_s2": …, "y_m_s2": …} (topics.py), or protobuf (standard_schemas.py)
 
 Missing values, and those that JSON cannot represent (NaN, infinity), are left out; so are standard messages and events
 where Foxglove's package is not installed.
@@ -33,14 +33,14 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MessageChannel
-from imuscope.recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
-from imuscope.recordings.column_store import ExactRows
-from imuscope.recordings.entities import DeviceEntity, devices_of
+from imuscope.recordings.columns.store import ExactRows
+from imuscope.recordings.exporters.entities import DeviceEntity, devices_of
 from imuscope.recordings.exporters.message_table import SEGMENT, windows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
+from imuscope.recordings.exporters.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 from imuscope.recordings.file_names import device_names
+from imuscope.recordings.mcap.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.optional_packages import lacks
-from imuscope.recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 
 Array = NDArray[Any]
 Info = Mapping[str, Any]
@@ -50,7 +50,7 @@ PER_ROW = 100  # bytes of a message, roughly
 STANDARD = not lacks("foxglove")
 """Whether attitudes, positions and events are written as standard messages, too: Foxglove's package encodes them."""
 if STANDARD or TYPE_CHECKING:
-    from imuscope.recordings import standard_schemas
+    from imuscope.recordings.exporters import standard_schemas
 
 _HEAD = np.dtype(
     [("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seq", "<u4"), ("log", "<u8"), ("published", "<u8")]

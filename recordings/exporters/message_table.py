@@ -24,10 +24,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from imuscope.recordings.column_store import ColumnStore, ExactRows
+from imuscope.recordings.columns.payloads import BYTES
+from imuscope.recordings.columns.store import ColumnStore, ExactRows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep, with_unit
-from imuscope.recordings.payloads import BYTES
-from imuscope.recordings.topics import frame_of
+from imuscope.recordings.exporters.topics import frame_of
 
 Array = NDArray[Any]
 Ints = NDArray[np.int64]

@@ -94,7 +94,7 @@ def _chosen(request: ExportRequest, family: ProtocolInfo | None) -> str:
 
 def _parts(request: ExportRequest, device: str, step: ExportStep) -> Iterator[ChunkBlock]:
     """Blocks of received bytes that overlap the range."""
-    from imuscope.recordings.importers import open_file  # a server that lists formats reads none
+    from imuscope.recordings.importers.open_file import open_file  # a server that lists formats reads none
 
     assert request.source is not None
     start = None if request.t0 == -np.inf else int(request.t0 * 1e9) - 1000

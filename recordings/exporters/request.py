@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.column_store import Base, ColumnStore, ExactRows
+from imuscope.recordings.columns.payloads import BYTES, payloads_of
+from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import device_names
-from imuscope.recordings.payloads import BYTES, payloads_of
 
 ExportStep = Callable[[float], None]  # called with 0..1; an exception it raises ends the export
 

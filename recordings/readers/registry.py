@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imuscope.protocols.family.plugins import Registry
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tables.options import TableOptions
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source

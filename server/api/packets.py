@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from fastapi import Query, Request, Response
 
-from imuscope.recordings.column_store import Base
+from imuscope.recordings.columns.store import Base
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.devices import OneSession
 from imuscope.server.api.errors import recording_errors, responses

@@ -15,8 +15,8 @@ from fastapi import Depends, Query, Request
 from fastapi.responses import JSONResponse, Response, StreamingResponse
 from pydantic import BaseModel, Field
 
-from imuscope.recordings.column_store import Base, ColumnStore
-from imuscope.recordings.health_history import HealthHistory, health_history
+from imuscope.recordings.columns.health_history import HealthHistory, health_history
+from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, recording_errors, responses

@@ -14,11 +14,11 @@ from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 
 from imuscope.recordings import sidecar
-from imuscope.recordings.atomic_write import open_private
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.library import NamingError
-from imuscope.recordings.library_entry import LibraryEntry
+from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.library.library import NamingError
 from imuscope.recordings.sidecar import MarkerInfo
+from imuscope.recordings.system.atomic_write import open_private
 from imuscope.server.api.dependencies import TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, check_length, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
@@ -187,7 +187,7 @@ async def download(request: Request, recording: str, services: TheServices, entr
         raise still_recording(recording)
     name = entry.full_name
     kind = "text/csv" if name.endswith("csv") else "application/x-mcap"
-    function = "imuscope.recordings.download:full_recording"
+    function = "imuscope.recordings.library.download:full_recording"
     details = (entry.title, entry.edits, entry.probe.format)
     return await _file(
         name, kind, services.catalogue.files.pieces(function, entry.path, *details, user=user_of(request))
@@ -216,7 +216,7 @@ async def download_original(
         raise DomainError("not-found", f"The recording has no device {device:.40}.", f"It has: {', '.join(devices)}.")
     name = f"{entry.path.stem}-{device}" if device else entry.path.stem
     chosen = device or (devices[0] if devices else "")
-    function = "imuscope.recordings.download:original_bytes"
+    function = "imuscope.recordings.library.download:original_bytes"
     pieces = services.catalogue.files.pieces(function, entry.path, chosen, user=user_of(request))
     return await _file(f"{name}.bin", BYTES, pieces)
 

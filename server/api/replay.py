@@ -32,7 +32,7 @@ async def source_of(path: Path, play: PlayRequest, files: ForeignFiles) -> str:
     if play.loop:
         options.append("loop=1")
     if play.t0 is not None or play.t1 is not None:
-        function = "imuscope.recordings.probe:extent_of"
+        function = "imuscope.recordings.library.probe:extent_of"
         try:
             span: tuple[int, int] | None = await files.call(function, path, returns=tuple[int, int] | None)
         except RecordingError as error:

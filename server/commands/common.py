@@ -12,8 +12,8 @@ from pathlib import Path
 from imuscope.recordings.readers.bag_folder import is_bag_folder
 from imuscope.recordings.readers.formats.euroc_folder import sensor_folders
 from imuscope.recordings.readers.formats.oxts_folder import packet_folder
-from imuscope.recordings.table_options import TableOptions, read_columns
-from imuscope.recordings.temporary_folder import TemporaryFolder
+from imuscope.recordings.system.temporary_folder import TemporaryFolder
+from imuscope.recordings.tables.options import TableOptions, read_columns
 from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS
 from imuscope.server.devices.decode_options import (

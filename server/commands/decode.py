@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from imuscope.protocols.registry.families import remedies
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS, ExportRequest, by_suffix, export
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.sources import damage_of
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
 
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.temporary_folder import TemporaryFolder
+from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.server.commands.decode import MOST_DAMAGE, Bar, empty_words, time_sentences
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols

@@ -29,11 +29,11 @@ from imuscope.protocols.events import Decoder
 from imuscope.protocols.registry.families import PROTOCOLS, ProtocolInfo, detect, family_of
 from imuscope.protocols.registry.mixed_protocols import MixedProtocolDetector
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
-from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.message_source import MessageFile
+from imuscope.recordings.importers.open_file import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
+from imuscope.recordings.mcap.records import MAGIC
+from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.readers.known_files import known_file
+from imuscope.recordings.readers.message_source import MessageFile
 from imuscope.recordings.readers.registry import marked_reader
 from imuscope.server.commands.common import temporary_copy
 from imuscope.server.commands.inspect_table import InspectTable
@@ -172,9 +172,9 @@ def _counted(lines: Iterator[InspectLine], counts: Counter[str], rejects: bool) 
 def _opened(
     path: Path, protocol: str, device: str, direction: str
 ) -> Iterator[tuple[ProtocolInfo, Iterator[TimedPiece]]]:
-    """The protocol of a file and its bytes in pieces, by the rules of recordings/importers.py. A pipe is read as a
-    stream, and its beginning decides the protocol; a recording from a pipe is copied to a file first, because its index
-    is at its end.
+    """The protocol of a file and its bytes in pieces, by the rules of recordings/importers/open_file.py. A pipe is read
+    as a stream, and its beginning decides the protocol; a recording from a pipe is copied to a file first, because its
+    index is at its end.
 
     Raises:
         UsageError: unknown protocol, no known frames, or no device bytes.

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from imuscope.recordings.compaction import compact
 from imuscope.recordings.file_names import SUFFIX
+from imuscope.recordings.mcap.compaction import compact
 from imuscope.server import wire
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.timings import ConfigurationTimings

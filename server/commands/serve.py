@@ -12,8 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imuscope.recordings.freed_memory import share_one_heap
-from imuscope.recordings.resource_limits import history_room
+from imuscope.recordings.system.freed_memory import share_one_heap
+from imuscope.recordings.system.resource_limits import history_room
 from imuscope.server import logging_setup
 from imuscope.server.commands.common import (
     check_sources,

@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING
 
 from imuscope.protocols.commands.transactions import AT_REST, Send, Transaction, WaitFor
 from imuscope.protocols.events import Batch, Event, Reply
-from imuscope.recordings import atomic_write
-from imuscope.recordings.regular_file import read_regular
+from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_regular
 from imuscope.server.backoff import Backoff
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.links.base import LinkError, OwedFrames

@@ -37,9 +37,9 @@ from imuscope.protocols.commands.transactions import (
     Values,
     WriteResult,
 )
-from imuscope.recordings import atomic_write
 from imuscope.recordings.errors import check_format_version
-from imuscope.recordings.regular_file import read_regular
+from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_regular
 from imuscope.server import previous_names
 from imuscope.server.configuration import settings_procedures
 from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob

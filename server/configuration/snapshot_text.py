@@ -1,7 +1,7 @@
 """Reading of snapshots, which are YAML (snapshots.py), from a text that anybody may have written.
 
-YAML is read within limits (recordings/bounded_yaml.py); the structure is checked here, the meaning by the driver.
-PyYAML reads 5 kB in 12 ms, ruamel.yaml in 107.
+YAML is read within limits (recordings/system/bounded_yaml.py); the structure is checked here, the meaning by the
+driver. PyYAML reads 5 kB in 12 ms, ruamel.yaml in 107.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any
 
-from imuscope.recordings.bounded_yaml import YamlError, load
 from imuscope.recordings.errors import check_format_version
+from imuscope.recordings.system.bounded_yaml import YamlError, load
 from imuscope.server.configuration.snapshots import FORMAT, MAX_TITLE, Snapshot, SnapshotError
 
 MAX_BYTES = 1 << 18  # ten times the largest device; reading this much takes seconds

@@ -26,7 +26,7 @@ shared.
 
 Values are wire values by field name, as `imuscope inspect` prints them; the comments explain them. Settings that a file
 lacks are listed under `missing` with the reason. A file is written completely or not at all
-(recordings/atomic_write.py).
+(recordings/system/atomic_write.py).
 
 ruamel.yaml, which keeps comments, is not used: a file is written once and never written again, so there are none to
 keep, and each comment would have to be attached to its value by hand. It writes 5 kB in 82 ms; here that takes 0.5 ms.
@@ -50,8 +50,8 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.protocols.schema.fields import Field, Setting
-from imuscope.recordings import atomic_write
 from imuscope.recordings.errors import ExplainedError
+from imuscope.recordings.system import atomic_write
 from imuscope.server.configuration.api_models import SnapshotBody, SnapshotInfo
 from imuscope.server.configuration.value_format import comment, entry_comment
 

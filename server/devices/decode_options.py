@@ -18,8 +18,8 @@ from typing import Any
 from urllib.parse import unquote_plus
 
 from imuscope.protocols.family.decode_options import DecodeOption
-from imuscope.recordings.file_reading import AxisClock
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tables.file_reading import AxisClock
+from imuscope.recordings.tables.options import TableOptions
 
 PROTOCOL = "protocol"
 

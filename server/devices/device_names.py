@@ -27,8 +27,8 @@ from itertools import count
 from pathlib import Path
 from typing import TypeVar
 
-from imuscope.recordings import atomic_write
-from imuscope.recordings.regular_file import read_regular
+from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_regular
 from imuscope.server.errors import DomainError
 from imuscope.server.links.source_url import is_printable
 

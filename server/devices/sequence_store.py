@@ -22,7 +22,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 
 log = logging.getLogger("imuscope.sequences")
 

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
-from imuscope.recordings.priority import lower_priority
+from imuscope.recordings.system.priority import lower_priority
 from imuscope.server.integrations.viewer_process import HEAD, SAMPLES, TEXT
 from imuscope.server.wire import lasting_name
 from imuscope.server.wire_codec import SampleFrame, WireError, decode_samples

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from imuscope.recordings.recording_probe import RecordedDevice
+from imuscope.recordings.library.recording_probe import RecordedDevice
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.wire import ChannelInfo, DeviceInfo, EventInfo
 

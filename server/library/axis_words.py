@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from imuscope.recordings.importers import CaptureSource
-from imuscope.recordings.message_source import MessageFile
+from imuscope.recordings.importers.open_file import CaptureSource
+from imuscope.recordings.readers.message_source import MessageFile
 from imuscope.recordings.sources import Source
 from imuscope.server import wire
 

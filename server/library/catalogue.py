@@ -1,6 +1,6 @@
 """The library as shown on the page: the folder's recordings, their state, and notification of changes.
 
-    recordings/library.py            files in the folder
+    recordings/library/library.py            files in the folder
     server/library/foreign_files.py  their metadata         ──> RecordingInfo, and the op `library` on every change
     server/library/column_cache.py   decoded recordings
     bus.recorder                     the running recording
@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.library import Library
-from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.recording_probe import TABLE_FORMATS, RecordingProbe
+from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.library.library import Library
+from imuscope.recordings.library.recording_probe import TABLE_FORMATS, RecordingProbe
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.heartbeat import beat
 from imuscope.server.library.api_models import RecordingInfo
@@ -105,7 +105,7 @@ class Catalogue:
         headings: dict[Path, list[str]] = {}
         for path in tables:
             with contextlib.suppress(RecordingError, OSError):
-                function = "imuscope.recordings.table_preview:heading_of"
+                function = "imuscope.recordings.library.table_preview:heading_of"
                 headings[path] = await self.files.call(function, path, returns=list[str], user="the library")
         return headings
 
@@ -116,7 +116,7 @@ class Catalogue:
             RecordingError, DomainError: it is not a recording that can be opened.
             OSError: it cannot be read.
         """
-        function = "imuscope.recordings.table_preview:check_upload"
+        function = "imuscope.recordings.library.table_preview:check_upload"
         probe: RecordingProbe | None
         probe = await self.files.call(function, path, returns=RecordingProbe | None, user=user)
         tables = [path] if probe is not None and probe.format in TABLE_FORMATS and self.library.tables else []

@@ -2,7 +2,7 @@
 
     <data>/exports/<run>-<job>/               an export; it cannot be downloaded any more, since jobs are not stored
     <data>/cache/columns/.<store>.<pid>.making/   a recording that was being opened
-    <data>/**/.<name>.<8 hex digits>          a small file that was being written (recordings/atomic_write.py)
+    <data>/**/.<name>.<8 hex digits>          a small file that was being written (recordings/system/atomic_write.py)
 
 Each process that uses a data folder holds a lock on it, which the kernel releases when the process ends. A server that
 does not get the lock shares the folder and removes nothing. (Interrupted compactions are handled by the compaction
@@ -20,7 +20,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from imuscope.recordings.atomic_write import PRIVATE
+from imuscope.recordings.system.atomic_write import PRIVATE
 
 log = logging.getLogger("imuscope.library")
 

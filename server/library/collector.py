@@ -2,7 +2,7 @@
 
 channels    as on a live page, and Euler angles of rotations sent in another form
 clocks      device time and UTC of each sample: for exports, not for plots
-payloads    unknown payloads, also for exports (recordings/payloads.py)
+payloads    unknown payloads, also for exports (recordings/columns/payloads.py)
 events      a bounded number for each device
 """
 
@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from imuscope.protocols.events import Batch
 from imuscope.protocols.rotations import euler_columns
 from imuscope.protocols.schema.fields import Message
-from imuscope.recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
-from imuscope.recordings.health_history import HealthHistoryWriter
-from imuscope.recordings.payloads import BYTES, SHAPE, PayloadsWriter
+from imuscope.recordings.columns.health_history import HealthHistoryWriter
+from imuscope.recordings.columns.payloads import BYTES, SHAPE, PayloadsWriter
+from imuscope.recordings.columns.store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from imuscope.server import wire
 from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
 from imuscope.server.streaming.channels import clock_alone

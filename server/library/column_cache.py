@@ -28,11 +28,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from imuscope.recordings.column_store import VERSION, ColumnStore
+from imuscope.recordings.columns.store import VERSION, ColumnStore
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.file_reading import FileReading
-from imuscope.recordings.resource_limits import seconds_for
 from imuscope.recordings.sidecar import stored_reading
+from imuscope.recordings.system.resource_limits import seconds_for
+from imuscope.recordings.tables.file_reading import FileReading
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.library.cache_provenance import CHANGED, is_stale
 from imuscope.server.library.decoder_fingerprint import decoding_mark
@@ -43,7 +43,9 @@ from imuscope.server.workers import Worker
 log = logging.getLogger("imuscope.columns")
 
 KEPT_OPEN = 16
-AT_ONCE = 2  # recordings decoded at a time: each may use a large part of the memory (recordings/resource_limits.py)
+AT_ONCE = (
+    2  # recordings decoded at a time: each may use a large part of the memory (recordings/system/resource_limits.py)
+)
 CACHE_BYTES = 20 << 30
 SHARE_OF_DISK = 4  # the cache takes at most one part in so many of what the disk has besides
 WAIT_SHARE = 5  # opening may take so many times the processor time that it may take

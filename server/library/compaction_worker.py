@@ -1,4 +1,4 @@
-"""Compaction of finished recordings (recordings/compaction.py) in a low-priority subprocess.
+"""Compaction of finished recordings (recordings/mcap/compaction.py) in a low-priority subprocess.
 
 Recordings are compacted one after the other. A thread would compete with the event loop; a subprocess does not. One
 process handles all that are waiting, since it takes a second to start. Recordings that a previous run left uncompacted
@@ -14,9 +14,9 @@ from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 
-from imuscope.recordings import file_lock
 from imuscope.recordings.file_names import SUFFIX
-from imuscope.recordings.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
+from imuscope.recordings.mcap.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
+from imuscope.recordings.system import file_lock
 from imuscope.server.tasks import end_tasks
 from imuscope.server.workers import Worker
 
@@ -78,7 +78,7 @@ class CompactionWorker:
 
     async def _pack(self, paths: list[Path]) -> None:
         """Compact recordings; each leaves the queue when it is reported, as the process may end early."""
-        worker = await Worker.start("imuscope.recordings.compaction", *map(str, paths))
+        worker = await Worker.start("imuscope.recordings.mcap.compaction", *map(str, paths))
         try:
             async for result in worker:
                 path = Path(result["path"])

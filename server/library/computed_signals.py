@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from imuscope.protocols.family.plugins import each_usable, plugins_of
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.library.collector import RecordingSink
 from imuscope.server.library.decode import ComputeSignals
 

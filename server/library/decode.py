@@ -31,18 +31,18 @@ from imuscope.protocols.events import Doubts, Remarks
 from imuscope.protocols.messages.decoder import MessageDecoder
 from imuscope.protocols.registry.families import remedies
 from imuscope.recordings import sidecar
-from imuscope.recordings.capture_timing import BLIND_RATE
-from imuscope.recordings.column_store import ColumnStore, ColumnStoreWriter
-from imuscope.recordings.file_reading import FileReading
-from imuscope.recordings.freed_memory import keep_freed_memory
-from imuscope.recordings.health_history import HealthHistoryWriter
-from imuscope.recordings.importers import CaptureSource
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import EVENTS, NOTES, SIGNALS, SNAPSHOT, is_simulated
-from imuscope.recordings.message_source import MessageFile
+from imuscope.recordings.columns.health_history import HealthHistoryWriter
+from imuscope.recordings.columns.store import ColumnStore, ColumnStoreWriter
+from imuscope.recordings.importers.capture_timing import BLIND_RATE
+from imuscope.recordings.importers.open_file import CaptureSource
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.mcap.writer import EVENTS, NOTES, SIGNALS, SNAPSHOT, is_simulated
 from imuscope.recordings.readers.formats.log_clock import LogTimes
+from imuscope.recordings.readers.message_source import MessageFile
 from imuscope.recordings.sources import ChunkBlock, Source, damage_of
-from imuscope.recordings.tabular import TableSource
+from imuscope.recordings.system.freed_memory import keep_freed_memory
+from imuscope.recordings.tables.file_reading import FileReading
+from imuscope.recordings.tables.table_source import TableSource
 from imuscope.server import previous_names, wire, wire_codec
 from imuscope.server.devices.decode_options import DecodeOptions, recorded
 from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.clock_steps import StepOfClock, step_words
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import damage_of, remark
-from imuscope.recordings.table_axis import TimeAxis
-from imuscope.recordings.table_headings import axis_of, grouped
-from imuscope.recordings.tabular import DEVICE, TableRows, TableSource
+from imuscope.recordings.tables.clocks.axis import TimeAxis
+from imuscope.recordings.tables.clocks.steps import StepOfClock, step_words
+from imuscope.recordings.tables.headings import axis_of, grouped
+from imuscope.recordings.tables.table_source import DEVICE, TableRows, TableSource
 from imuscope.server import wire, wire_codec
 
 if TYPE_CHECKING:

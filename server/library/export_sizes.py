@@ -22,8 +22,8 @@ import numpy as np
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
-from imuscope.recordings.parent_death import report_to_parent
-from imuscope.recordings.resource_limits import TooLong
+from imuscope.recordings.system.parent_death import report_to_parent
+from imuscope.recordings.system.resource_limits import TooLong
 from imuscope.server.library.export_worker import request_of
 from imuscope.server.library.zip_download import one_file
 from imuscope.server.worker_process import begin

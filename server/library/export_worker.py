@@ -13,10 +13,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.exporters.request import ExportStep
-from imuscope.recordings.parent_death import report_to_parent
+from imuscope.recordings.system.parent_death import report_to_parent
 from imuscope.server.library.zip_download import one_file
 from imuscope.server.worker_process import begin, progress_reports, reporting
 

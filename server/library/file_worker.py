@@ -18,9 +18,9 @@ from typing import Any, BinaryIO, cast
 from pydantic_core import to_json
 
 from imuscope.recordings.errors import ExplainedError
-from imuscope.recordings.priority import lower_priority
 from imuscope.recordings.readers.registry import READERS
-from imuscope.recordings.resource_limits import TooLong, bounded, memory_in_use, memory_of_one
+from imuscope.recordings.system.priority import lower_priority
+from imuscope.recordings.system.resource_limits import TooLong, bounded, memory_in_use, memory_of_one
 from imuscope.server.errors import DomainError
 from imuscope.server.fork_server import JobAnswer, serve
 from imuscope.server.library.foreign_files import MALICIOUS, FileCall
@@ -29,8 +29,8 @@ POOL = "ARROW_DEFAULT_MEMORY_POOL"  # another one reserves 1 GiB at once, all th
 USED = (
     "encodings.utf_8_sig",
     "pyarrow.compute",
-    "imuscope.recordings.table_preview",
-    "imuscope.recordings.download",
+    "imuscope.recordings.library.table_preview",
+    "imuscope.recordings.library.download",
     "imuscope.server.library.packets",
 )
 KILLED_S = 1  # from the end of its processor time to the end of the process

@@ -1,6 +1,6 @@
 """Files from outside: all that reads one runs in a process of its own, never in the server's.
 
-    await files.call("imuscope.recordings.probe:probe_files", paths, returns=list[RecordingProbe | None])
+    await files.call("imuscope.recordings.library.probe:probe_files", paths, returns=list[RecordingProbe | None])
 
     a route, the library ──> FairQueue ──> file_worker.py (a fork per call) ──> JSON, or bytes piece by piece
 
@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.recording_probe import RecordingProbe
-from imuscope.recordings.resource_limits import CPU_S, CPU_S_PER_MB
+from imuscope.recordings.library.recording_probe import RecordingProbe
+from imuscope.recordings.system.resource_limits import CPU_S, CPU_S_PER_MB
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError
 from imuscope.server.errors import DomainError
 from imuscope.server.fair_queue import FairQueue, QueueFullError
@@ -131,7 +131,7 @@ class ForeignFiles:
         return probes
 
     async def _probed(self, paths: Sequence[Path]) -> list[RecordingProbe | None]:
-        function = "imuscope.recordings.probe:probe_files"
+        function = "imuscope.recordings.library.probe:probe_files"
         return await self.call(function, list(paths), returns=list[RecordingProbe | None], user="the library")
 
     async def _probed_alone(self, path: Path) -> RecordingProbe | None:
@@ -145,7 +145,7 @@ class ForeignFiles:
     def is_pinned(self, path: Path) -> bool:
         """Whether a recording says itself that it is pinned, or cannot be read. Call it in a thread."""
         try:
-            return self._from_thread("imuscope.recordings.probe:is_pinned", path, returns=bool)
+            return self._from_thread("imuscope.recordings.library.probe:is_pinned", path, returns=bool)
         except (RecordingError, OSError):
             return True
 

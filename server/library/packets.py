@@ -22,7 +22,7 @@ from imuscope.protocols.commands.transactions import ByteRange, DeviceDriver
 from imuscope.protocols.family.info import ProtocolInfo
 from imuscope.protocols.registry.families import family_of
 from imuscope.protocols.schema.fields import Message
-from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.server.devices.byte_memory import ByteRun, LinkMemory
 from imuscope.server.errors import DomainError
 from imuscope.server.library.range_query import stored_values

@@ -1,6 +1,6 @@
 """Query of a time range of a channel, live or recorded: as sample frames for the page, as a table for programs.
 
-    recorded    Columns (recordings/column_store.py), mapped from disk
+    recorded    Columns (recordings/columns/store.py), mapped from disk
     live        the ring of a channel in the store
 
 Both answer the same query, t0 ≤ t ≤ t1 in a maximum number of buckets, with all rows (ExactRows) or summarised
@@ -23,8 +23,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.column_store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
-from imuscope.recordings.statistics import norm_statistics, statistics
+from imuscope.recordings.columns.statistics import norm_statistics, statistics
+from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
 from imuscope.server import wire, wire_codec
 from imuscope.server.streaming.channel_store import StoredChannel
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.sources import Source
 from imuscope.server.devices.byte_memory import ByteRun
 from imuscope.server.devices.decode_options import DecodeOptions, recorded

@@ -30,10 +30,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings import quota
 from imuscope.recordings.errors import FULL, RecordingError
 from imuscope.recordings.file_names import free_path
-from imuscope.recordings.recording_writer import Limits, RecordingWriter
+from imuscope.recordings.library import quota
+from imuscope.recordings.mcap.live_writer import Limits, RecordingWriter
 from imuscope.server import wire
 from imuscope.server.config import Config
 from imuscope.server.configuration.controllers import ControllerRegistry

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server import wire_codec
 from imuscope.server.devices.protocol_set import sensors_of

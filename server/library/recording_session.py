@@ -29,9 +29,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 from imuscope.protocols.messages.family import NAME as MESSAGES
-from imuscope.recordings.mcap_writer import Direction
-from imuscope.recordings.read_memory import ReadFollower
-from imuscope.recordings.recording_writer import RecordingWriter
+from imuscope.recordings.mcap.live_writer import RecordingWriter
+from imuscope.recordings.mcap.read_memory import ReadFollower
+from imuscope.recordings.mcap.writer import Direction
 from imuscope.server import wire, wire_codec
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController

@@ -42,7 +42,7 @@ from typing import Literal
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.recordings.read_memory import NEVER, ReadFollower
+from imuscope.recordings.mcap.read_memory import NEVER, ReadFollower
 from imuscope.server.errors import DomainError
 from imuscope.server.listeners import CallbackList
 from imuscope.server.wire import Attempt

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.resource_limits import seconds_for
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice
+from imuscope.recordings.system.resource_limits import seconds_for
 from imuscope.server.workers import Worker
 
 MODULE = "imuscope.server.played_file_worker"

@@ -3,7 +3,7 @@
     reading thread   ──gather──> ppoll ─> read ─> clock_gettime ─> buffer, ends, arrivals ──┐ until a stop, or until
                                    ^________________________________________________________┘ a taker is late
     session          take ──> Chunk, Chunk, Chunk …   of all reads since the last call
-    recording        follows the memory by itself (recordings/read_memory.py)
+    recording        follows the memory by itself (recordings/mcap/read_memory.py)
 
 A device that sends 2000 times a second wakes its thread as often. In Python each time costs ten times what the kernel
 needs, and the thread waits for the interpreter's lock before it can take the time. The compiled loop needs neither: it
@@ -30,7 +30,7 @@ from itertools import pairwise
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.recordings.read_memory import BUFFER_BYTES, MAX_READS, NEVER, READ_COUNT, ReadFollower, ReadMemory
+from imuscope.recordings.mcap.read_memory import BUFFER_BYTES, MAX_READS, NEVER, READ_COUNT, ReadFollower, ReadMemory
 from imuscope.server.links.base import RECORDING, Chunk
 from imuscope.server.read_kernel import ROOM_BYTES, SECOND_NS, gather, promise
 

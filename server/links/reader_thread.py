@@ -30,7 +30,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from imuscope.protocols.arrays import Ints
-from imuscope.recordings.read_memory import ReadFollower
+from imuscope.recordings.mcap.read_memory import ReadFollower
 from imuscope.server.links.base import CHUNK_COST, MAX_HELD, SESSION, Chunk, Link, LinkError
 from imuscope.server.links.read_loop import ReadLoop
 

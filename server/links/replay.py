@@ -21,8 +21,8 @@ from urllib.parse import quote
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.protocols.registry.families import OF_FILES
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_writer import is_simulated
+from imuscope.recordings.mcap.records import MAGIC
+from imuscope.recordings.mcap.writer import is_simulated
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
 from imuscope.server.links.capture_file import FULL_BYTES, SPEEDS, FileLink

@@ -56,7 +56,7 @@ from itertools import count
 
 from imuscope.protocols.family.plugins import protocol_names
 from imuscope.protocols.simulator.family import SimulatedDevice
-from imuscope.recordings.read_memory import ReadFollower
+from imuscope.recordings.mcap.read_memory import ReadFollower
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from imuscope.server.links.reader_thread import closed
 from imuscope.server.links.registry import LinkDefinition, register_link

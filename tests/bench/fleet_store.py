@@ -39,7 +39,7 @@ import pyarrow.dataset as ds
 from deltalake import write_deltalake
 
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.query import run_query

@@ -11,7 +11,7 @@ import http.client
 import threading
 import time
 
-from imuscope.recordings.mcap_reader import LENGTH, TIME, McapReader
+from imuscope.recordings.mcap.reader import LENGTH, TIME, McapReader
 from tests.fault_injection.beside import Watched
 from tests.timeouts import PATIENCE_S
 from tests.waiting import block_until

@@ -32,7 +32,7 @@ from typing import Any
 
 import httpx
 
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.writer import McapWriter
 from tests import load_clients
 from tests.bench.memory import Memory
 from tests.bench.report import options_of, percentile, report, status_of

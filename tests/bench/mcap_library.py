@@ -5,11 +5,11 @@
 Chunks of 80 bytes, as 1 kHz of an MTi gives them, in runs of 8, as the recorder hands them over. For each writer: how
 many it writes in a second, and how many of those handed over can be read after SIGKILL, of 20 000:
 
-    own                recordings/mcap_writer.py: one write() a run, without a buffer
+    own                recordings/mcap/writer.py: one write() a run, without a buffer
     library            mcap.writer.Writer without chunks, flushed after each run
     library_buffered   … not flushed
     library_chunked    … in chunks, as it writes by default
-    own_packed         recordings/compaction.py, which chunks and compresses a closed recording (speed only)
+    own_packed         recordings/mcap/compaction.py, which chunks and compresses a closed recording (speed only)
 
 The yardstick, in the same run: the same bytes by os.write, a run at a time.
 """
@@ -27,9 +27,9 @@ from pathlib import Path
 
 from mcap.writer import Writer
 
-from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.writer import McapWriter
 from tests.bench.report import report
 
 CHUNK, RUN, CHUNKS, SURVIVORS_OF, ROUNDS = bytes(range(80)), 8, 200_000, 20_000, 5

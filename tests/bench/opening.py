@@ -67,8 +67,8 @@ def frames(first: int, count: int) -> np.ndarray[Any, Any]:
 
 def make(path: Path, minutes: float) -> None:
     """The recording."""
-    from imuscope.recordings.compaction import compact
-    from imuscope.recordings.mcap_writer import McapWriter
+    from imuscope.recordings.mcap.compaction import compact
+    from imuscope.recordings.mcap.writer import McapWriter
 
     writer = McapWriter(path, {"title": "An hour"})
     writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 2_000_000, "protocol": "xbus"})
@@ -86,8 +86,8 @@ def make(path: Path, minutes: float) -> None:
 
 def measure(path: Path, store: Path) -> dict[str, float]:
     """Work of the separate process; figures in s and MB."""
-    from imuscope.recordings.column_store import ColumnStore
-    from imuscope.recordings.mcap_source import McapSource
+    from imuscope.recordings.columns.store import ColumnStore
+    from imuscope.recordings.mcap.source import McapSource
     from imuscope.server.devices.protocol_set import all_protocols
     from imuscope.server.library.decode import decode
 

@@ -38,7 +38,7 @@ LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.inclu
 
 def export(store: Path, out: Path) -> dict[str, float]:
     """Work of the separate process."""
-    from imuscope.recordings.column_store import ColumnStore
+    from imuscope.recordings.columns.store import ColumnStore
 
     start = time.perf_counter()
     from imuscope.server.extensions.rerun.rrd.writer import write_rrd
@@ -110,7 +110,7 @@ def main() -> None:
         (folder / "recordings").mkdir()
         path = folder / "recordings" / "hour.mcap"
         make(path, minutes)
-        from imuscope.recordings.mcap_source import McapSource
+        from imuscope.recordings.mcap.source import McapSource
         from imuscope.server.devices.protocol_set import all_protocols
         from imuscope.server.library.decode import decode
 

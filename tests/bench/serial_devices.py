@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from tests.bench import serial_device
 from tests.bench.serial_device import SendingProcess
 

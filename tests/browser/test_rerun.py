@@ -18,7 +18,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, Route
 
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.extensions.rerun.rrd.size_limit import limit_for
 from tests.browser.page_checks import SILENT
 from tests.chromium import until

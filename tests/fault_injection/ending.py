@@ -15,7 +15,7 @@ from httpx import Client
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
-from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap.reader import McapReader
 from imuscope.server import wire, wire_codec
 from imuscope.server.library.cleanup import DataFolderLock
 from imuscope.server.library.compaction_worker import uncompacted

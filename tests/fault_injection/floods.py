@@ -32,8 +32,8 @@ from websockets.typing import Subprotocol
 
 from imuscope.protocols.embedded.nmea import sentence
 from imuscope.protocols.idtp.frames import build
-from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK
-from imuscope.recordings.mcap_records import MAGIC
+from imuscope.recordings.mcap.reader import CHUNK, LARGEST_CHUNK
+from imuscope.recordings.mcap.records import MAGIC
 from imuscope.server import wire
 from tests.bench.serial_device import frame
 from tests.timeouts import PATIENCE_S, connect, http_client

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.writer import McapWriter
 
 
 def recording(path: Path, frames_: bytes, size: int = 2000) -> None:

@@ -29,11 +29,11 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.compaction import compact
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.mcap.compaction import compact
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.library import standing_recording
@@ -74,8 +74,8 @@ def ended(running: InProcessServer) -> dict[str, Any]:
 FULL = """
 import sys, time
 from pathlib import Path
-from imuscope.recordings.recording_writer import RecordingWriter
-from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap.live_writer import RecordingWriter
+from imuscope.recordings.mcap.reader import McapReader
 
 folder = Path(sys.argv[1])
 tape = RecordingWriter(lambda part: folder / "a.mcap", {}, time.time_ns)

@@ -21,9 +21,9 @@ from typing import Any
 import pytest
 
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings import compaction
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.own_recordings import is_uncompacted
+from imuscope.recordings.mcap import compaction
+from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.server.library.cleanup import LOCK, DataFolderLock
 from imuscope.server.library.compaction_worker import uncompacted
 from imuscope.server.links.simulator import SimulatorThread
@@ -122,7 +122,7 @@ def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> No
     path = tmp_path / "a.mcap"
     wanted = frames(0, 2000) * 3
     recording(path, wanted)
-    begin = "import sys\nfrom pathlib import Path\nfrom imuscope.recordings.compaction import compact\n"
+    begin = "import sys\nfrom pathlib import Path\nfrom imuscope.recordings.mcap.compaction import compact\n"
     code = f"{begin}compact(Path({str(path)!r}), progress=%s)"
     held = code % "lambda share: (print('half', flush=True), sys.stdin.readline())"
     with subprocess.Popen(

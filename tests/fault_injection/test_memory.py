@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings import resource_limits
+from imuscope.recordings.system import resource_limits
 from imuscope.server.commands.serve import within_memory
 from imuscope.server.config import Config
 from tests.bench.serial_devices import Speakers, heard_in

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings import compaction
+from imuscope.recordings.mcap import compaction
 from tests.recordings.mcap_files import Message, read
 from tests.recordings.recorded_drive import drive
 

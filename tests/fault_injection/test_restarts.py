@@ -19,9 +19,9 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_reader import TIME, McapReader
-from imuscope.recordings.own_recordings import is_uncompacted
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.own_recordings import is_uncompacted
+from imuscope.recordings.mcap.reader import TIME, McapReader
 from imuscope.server.config import Config
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames

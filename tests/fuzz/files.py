@@ -35,12 +35,12 @@ from typing import TYPE_CHECKING, Any
 from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 
-from imuscope.recordings.compaction import compact
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.probe import probe
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.probe import probe
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.records import MAGIC
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.sidecar import VERSION, Edits
 from imuscope.server.config import ConfigError, load
 from imuscope.server.configuration.snapshot_text import from_text

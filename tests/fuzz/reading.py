@@ -13,7 +13,7 @@ import threading
 from pathlib import Path
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.resource_limits import bounded, memory_in_use
+from imuscope.recordings.system.resource_limits import bounded, memory_in_use
 from imuscope.server.library import file_worker
 from imuscope.server.library.foreign_files import ForeignFiles
 from tests.fuzz import files

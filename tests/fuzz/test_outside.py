@@ -136,7 +136,7 @@ def _squeezed(packing: str, data: bytes) -> bytes:
 @each_row("packing", ["zstd", "lz4"])
 def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: str) -> None:
     """Regression: the chunk claimed 1 kB, but zstd used its own header, and lz4 had no limit."""
-    from imuscope.recordings.mcap_reader import _unpack
+    from imuscope.recordings.mcap.reader import _unpack
 
     whole = bytes(files.ROOM // 4)
     body = _squeezed(packing, whole)

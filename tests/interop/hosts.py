@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from tests.interop.running import HERE, Checkout, DiffersError, expect, owned, run, simulated
 
 REMOTE = Path("/dev/remote")

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.protocols.isb.client_frames import frame_size
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from tests.free_ports import free_port
 from tests.interop.hosts import MTDEVICE, remote_folder
 from tests.interop.running import HERE, DiffersError, expect, owned, run, simulated

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.writer import McapWriter
 from tests.links.link_fixtures import frame
 
 START = 1_760_000_000_000_000_000

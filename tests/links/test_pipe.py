@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings.mcap_records import MAGIC
+from imuscope.recordings.mcap.records import MAGIC
 from imuscope.server.links import LinkError, open_link
 from imuscope.server.links.pipe import PipeLink
 from tests.links.link_fixtures import frame, gather, joined, settings

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.native.kernels import plain
-from imuscope.recordings.read_memory import BUFFER_BYTES, LIMIT, MAX_READS, NEVER, ReadFollower
+from imuscope.recordings.mcap.read_memory import BUFFER_BYTES, LIMIT, MAX_READS, NEVER, ReadFollower
 from imuscope.server.links import read_loop
 from imuscope.server.links.base import Chunk, steady_clock
 from imuscope.server.links.read_loop import ReadLoop, monotonic_offset_ns

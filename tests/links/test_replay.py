@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols

@@ -8,7 +8,7 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from imuscope.recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader
+from imuscope.recordings.mcap.reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader
 
 OF_ROS = """================================================================================
 MSG: std_msgs/Header

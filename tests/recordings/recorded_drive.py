@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.writer import McapWriter
 
 START = 1_760_000_000_000_000_000
 

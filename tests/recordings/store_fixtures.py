@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.recordings.mcap.writer import McapWriter
 
 START = 1_760_000_000.0
 

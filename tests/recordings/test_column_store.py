@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from imuscope.recordings import column_store as module
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
+from imuscope.recordings.columns import store as module
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
 from tests.each_row import each_row
 
 Array = NDArray[Any]

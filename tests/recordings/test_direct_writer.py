@@ -12,13 +12,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from imuscope.protocols.native.kernels import plain
-from imuscope.recordings import record_kernel
-from imuscope.recordings.direct_writer import DirectWriter
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.mcap_records import MESSAGE_HEAD
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.read_memory import MAX_READS, READ_COUNT, ReadFollower, ReadMemory
-from imuscope.recordings.recording_writer import Limits, RecordingWriter
+from imuscope.recordings.mcap import write_kernel as record_kernel
+from imuscope.recordings.mcap.direct_writer import DirectWriter
+from imuscope.recordings.mcap.live_writer import Limits, RecordingWriter
+from imuscope.recordings.mcap.read_memory import MAX_READS, READ_COUNT, ReadFollower, ReadMemory
+from imuscope.recordings.mcap.records import MESSAGE_HEAD
+from imuscope.recordings.mcap.writer import McapWriter
 from tests.recordings.mcap_files import read, theirs
 from tests.waiting import block_until
 

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.messages.own_schema import letters
 from imuscope.protocols.xbus.frames import build
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
 from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, by_suffix, csv_tables, export
 from imuscope.recordings.exporters.message_table import join, tables, windows
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.writer import McapWriter
 from tests.each_row import each_row
 from tests.recordings.store_fixtures import ACCELERATION, START, store
 

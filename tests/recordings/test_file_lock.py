@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings import file_lock, quota
-from imuscope.recordings.compaction import compact
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
-from imuscope.recordings.probe import is_pinned
+from imuscope.recordings.library import quota
+from imuscope.recordings.library.probe import is_pinned
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
+from imuscope.recordings.mcap.writer import McapWriter
+from imuscope.recordings.system import file_lock
 from imuscope.server.library.compaction_worker import uncompacted
 from tests.read_library import ReadLibrary
 from tests.recordings.mcap_files import ABOUT, read
@@ -23,7 +24,7 @@ from tests.server_process import ROOT, tied
 HOLDER = """
 import sys
 from pathlib import Path
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.writer import McapWriter
 writer = McapWriter(Path(sys.argv[1]), {})
 writer.chunk("1", "rx", b"a minute of driving", 1)
 print("there", flush=True)

@@ -13,7 +13,7 @@ CHUNKS = 50
 ARRAYS = f"""
 import resource, sys
 import numpy as np
-from imuscope.recordings.freed_memory import keep_freed_memory
+from imuscope.recordings.system.freed_memory import keep_freed_memory
 if sys.argv[1] == "kept":
     keep_freed_memory()
 for chunk in range(-5, {CHUNKS}):

@@ -16,9 +16,9 @@ import pytest
 from imuscope.protocols.isb.logs import HEADER, MARKER
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.readers.vendor_logs import log_name, parts_of
 from imuscope.recordings.sources import Source
-from imuscope.recordings.vendor_logs import log_name, parts_of
 from tests.each_row import each_row
 from tests.protocols.isb_vectors import leaves
 from tests.recordings.vendor_logs import LOGS, NAME, needs_logs

@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.recordings import quota
-from imuscope.recordings.compaction import compact
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import clean_name
-from imuscope.recordings.file_suffixes import suffixes
-from imuscope.recordings.library import INDEX, KEPT_S, STALE_S, Library
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.probe import is_pinned as pinned_in_file
-from imuscope.recordings.quota import BIN, cull, excess_bytes, is_pinned, is_short
+from imuscope.recordings.library import quota
+from imuscope.recordings.library.library import INDEX, KEPT_S, STALE_S, Library
+from imuscope.recordings.library.probe import is_pinned as pinned_in_file
+from imuscope.recordings.library.quota import BIN, cull, excess_bytes, is_pinned, is_short
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.writer import McapWriter
+from imuscope.recordings.readers.file_suffixes import suffixes
 from imuscope.recordings.sidecar import Edits, MarkerInfo, sidecar_path
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock

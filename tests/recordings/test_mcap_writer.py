@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 
-from imuscope.recordings import compaction as packing
-from imuscope.recordings.compaction import compact
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.mcap_reader import DATA, LENGTH, TIME, McapReader
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap import compaction as packing
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.reader import DATA, LENGTH, TIME, McapReader
+from imuscope.recordings.mcap.writer import McapWriter
 from tests.each_row import each_row
 from tests.recordings.mcap_files import ABOUT, Message, json_messages, messages, read, theirs
 
@@ -252,7 +252,7 @@ def test_a_recording_that_says_it_held_more_is_not_packed(tmp_path: Path) -> Non
 CHILD = """
 import sys, time
 from pathlib import Path
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.writer import McapWriter
 writer = McapWriter(Path(sys.argv[1]), {})
 n = 0
 while True:

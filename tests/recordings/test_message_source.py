@@ -16,8 +16,8 @@ from imuscope.protocols.events import Batch
 from imuscope.protocols.messages.decoder import MessageDecoder, reader_of
 from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.readers.message_source import MessageSource
 from tests.each_row import each_row
 from tests.recordings.mcap_files import OF_ROS
 from tests.recordings.store_fixtures import START

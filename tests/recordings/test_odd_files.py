@@ -10,11 +10,11 @@ from pathlib import Path
 import httpx
 import pytest
 
-from imuscope.recordings import quota
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.library import INDEX
-from imuscope.recordings.probe import is_pinned
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library import quota
+from imuscope.recordings.library.library import INDEX
+from imuscope.recordings.library.probe import is_pinned
 from imuscope.recordings.sidecar import Edits, sidecar_path
 from imuscope.server.library.compaction_worker import uncompacted
 from tests.read_library import ReadLibrary
@@ -78,12 +78,12 @@ def test_a_server_starts_lists_and_ends_beside_them(odd: Path) -> None:
 
 
 OPENS_ITS_OWN = {
-    "recordings/resource_limits.py": "of the kernel",
-    "recordings/column_store.py": "in a folder of ours",
-    "recordings/payloads.py": "in a folder of ours",
+    "recordings/system/resource_limits.py": "of the kernel",
+    "recordings/columns/store.py": "in a folder of ours",
+    "recordings/columns/payloads.py": "in a folder of ours",
     "recordings/readers/formats/compressed.py": "entries of an open archive",
     "recordings/readers/formats/numpy_arrays.py": "entries of an open archive",
-    "recordings/regular_file.py": "the one place",
+    "recordings/system/regular_file.py": "the one place",
 }
 
 
@@ -101,4 +101,4 @@ def test_recordings_are_opened_in_one_place() -> None:
         and not {"w", "x"} & set("".join(str(one.value) for one in node.args if isinstance(one, ast.Constant)))
         and ast.unparse(node.func) not in ("os.open", "pa.csv.open_csv")
     ]
-    assert not found, f"use recordings/regular_file.py: {found}"
+    assert not found, f"use recordings/system/regular_file.py: {found}"

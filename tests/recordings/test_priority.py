@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from imuscope.recordings.priority import SAME, lower_priority
+from imuscope.recordings.system.priority import SAME, lower_priority
 
 
 def test_it_is_nicer_unless_it_must_not_be(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings import recording_writer
-from imuscope.recordings.compaction import compact
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.recording_writer import GATHER_S, TURN_S, Limits, RecordingWriter
+from imuscope.recordings.mcap import live_writer as recording_writer
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.live_writer import GATHER_S, TURN_S, Limits, RecordingWriter
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.mcap.writer import McapWriter
 from tests.each_row import each_row
 from tests.recordings.mcap_files import Message, json_messages, read, theirs
 from tests.timeouts import PATIENCE_S

@@ -6,9 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, extent
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
@@ -186,7 +186,7 @@ def test_in_a_loop_devices_that_are_played_apart_stay_in_step(tmp_path: Path) ->
 READ_WHILE_CUT = """
 import os, sys
 from pathlib import Path
-from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap.reader import McapReader
 with McapReader(Path(sys.argv[1])) as file:
     blocks = file.blocks()
     next(blocks)

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 import imuscope
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
 from imuscope.recordings.exporters.file_names import table_paths
 from imuscope.recordings.exporters.formats.csv_plotjuggler import channel_topics
 from imuscope.recordings.exporters.message_table import tables
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.topics import fields_of, frame_of, schema_of
+from imuscope.recordings.exporters.topics import fields_of, frame_of, schema_of
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.library.zip_download import one_file
 from tests.each_row import each_row
 from tests.recordings.readers.bags import ros2_bag

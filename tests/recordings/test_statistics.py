@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imuscope.recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
-from imuscope.recordings.statistics import Floats, norm_statistics, statistics, statistics_of, wrapped
+from imuscope.recordings.columns.statistics import Floats, norm_statistics, statistics, statistics_of, wrapped
+from imuscope.recordings.columns.store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from tests.each_row import each_row
 
 

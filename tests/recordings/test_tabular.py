@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from mcap.writer import Writer as McapWriter
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.summary import summarize
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.summary import summarize
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings.temporary_folder import TemporaryFolder
+from imuscope.recordings.system.temporary_folder import TemporaryFolder
 
 # Prints the path of its folder, and is killed.
 KILLED = """
 import os
-from imuscope.recordings.temporary_folder import TemporaryFolder
+from imuscope.recordings.system.temporary_folder import TemporaryFolder
 folder = TemporaryFolder()
 (folder.path / "drive.csv").write_text("1,2,3")
 print(folder.path, flush=True)
@@ -66,6 +66,6 @@ def test_what_others_have_there_is_left_alone(temporary: Path) -> None:
 
 def test_without_locks_nothing_is_removed(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     left = aged(killed(temporary))
-    monkeypatch.setattr("imuscope.recordings.temporary_folder.is_in_use", lambda path: False)
+    monkeypatch.setattr("imuscope.recordings.system.temporary_folder.is_in_use", lambda path: False)
     with TemporaryFolder():
         assert left.exists()

@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap.reader import McapReader
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.wire import RecorderState

@@ -21,13 +21,14 @@ from typing import Any
 import pytest
 from mcap.records import Metadata
 
-from imuscope.recordings import mcap_writer, sidecar
+from imuscope.recordings import sidecar
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_records import bytes_of
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.probe import probe
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.probe import probe
+from imuscope.recordings.mcap import writer as mcap_writer
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.records import bytes_of
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.commands.decode import decode_file
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.snapshot_text import from_text

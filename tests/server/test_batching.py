@@ -12,8 +12,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.recording_writer import RecordingWriter
+from imuscope.recordings.mcap.live_writer import RecordingWriter
+from imuscope.recordings.mcap.reader import McapReader
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.devices.session import Session

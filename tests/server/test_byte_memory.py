@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_source import McapSource
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.source import McapSource
 from imuscope.server.config import Config
 from imuscope.server.devices import byte_memory
 from imuscope.server.devices.byte_memory import ByteMemory, Direction, LinkMemory

@@ -19,10 +19,10 @@ from imuscope.protocols.isb.frames import build as isb
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.frames import build as xbus
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.probe import probe
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.probe import probe
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.recordings.own_recordings import is_uncompacted
+from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.workers import Worker
 from tests.fault_injection.fault_harness import frames
@@ -57,7 +57,7 @@ def test_a_process_whose_server_was_killed_ends_quietly(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)  # as at the death of the server, a moment before the signal
     with os.fdopen(writer, "wb") as output:
-        command = [sys.executable, "-m", "imuscope.recordings.compaction", str(first), str(second)]
+        command = [sys.executable, "-m", "imuscope.recordings.mcap.compaction", str(first), str(second)]
         done = subprocess.run(command, stdout=output, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (1, "")
     assert (is_uncompacted(first), is_uncompacted(second)) == (False, True)

@@ -12,7 +12,7 @@ RUN = """
 import sys
 from imuscope.server import decode_worker
 from imuscope.protocols.registry import families as registry
-from imuscope.recordings import importers
+from imuscope.recordings.importers import open_file as importers
 print(*(module for module in sys.modules if module.partition(".")[0] == "imuscope"))
 """
 
@@ -20,7 +20,7 @@ print(*(module for module in sys.modules if module.partition(".")[0] == "imuscop
 def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
     done = subprocess.run([sys.executable, "-c", RUN], cwd=ROOT, capture_output=True, text=True, check=True)
     found = set(decoder_fingerprint.decoding_sources())
-    assert "imuscope.recordings.importers" in done.stdout
+    assert "imuscope.recordings.importers.open_file" in done.stdout
     for module in done.stdout.split():
         place = ROOT.joinpath(*module.split("."))
         there = {place.with_suffix(".py"), place / "__init__.py"} & found

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.recording_writer import RecordingWriter
+from imuscope.recordings.mcap.live_writer import RecordingWriter
 from imuscope.server.config import Config
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer

@@ -12,8 +12,8 @@ from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.devices import protocol_set
 from imuscope.server.library import export_sizes
 from imuscope.server.library.decode import decode

@@ -15,7 +15,7 @@ from typing import BinaryIO
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.file_suffixes import OF_READERS
+from imuscope.recordings.readers.file_suffixes import OF_READERS
 from imuscope.recordings.readers.registry import reader_suffixes
 from imuscope.server.extension import extensions
 from imuscope.server.library import foreign_files
@@ -166,14 +166,14 @@ async def test_a_call_that_does_not_end_costs_itself_only(
         with pytest.raises(RecordingError, match=words) as refused:
             await files.call(f"{HERE}:{function}", path, returns=int)
         assert refused.value.message.startswith(("Reading made.bag", "made.bag"))
-        assert await files.call("imuscope.recordings.table_preview:heading_of", path, returns=list[str]) == []
+        assert await files.call("imuscope.recordings.library.table_preview:heading_of", path, returns=list[str]) == []
     finally:
         await files.close()
 
 
 def _imported(path: Path) -> list[str]:
-    from imuscope.recordings import table_preview
-    from imuscope.recordings.table_options import TableOptions
+    from imuscope.recordings.library import table_preview
+    from imuscope.recordings.tables.options import TableOptions
 
     before = set(sys.modules)
     assert table_preview.preview_of(path, TableOptions()) is not None
@@ -223,7 +223,9 @@ async def test_a_call_ends_with_its_client(tmp_path: Path) -> None:
             one.cancel()
         await asyncio.gather(*calls, return_exceptions=True)
         assert (
-            await files.call("imuscope.recordings.table_preview:heading_of", tmp_path, returns=list[str], user="a")
+            await files.call(
+                "imuscope.recordings.library.table_preview:heading_of", tmp_path, returns=list[str], user="a"
+            )
             == []
         )
     finally:

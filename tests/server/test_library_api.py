@@ -13,13 +13,13 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.library import Library
-from imuscope.recordings.library_index import INDEX
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.tabular import TableSource
+from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.index import INDEX
+from imuscope.recordings.library.library import Library
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.tables.table_source import TableSource
 from imuscope.server.config import Config
 from imuscope.server.library.zip_download import one_file
 from tests.each_row import each_row

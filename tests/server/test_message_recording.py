@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from imuscope.recordings.compaction import compact
 from imuscope.recordings.exporters import export
 from imuscope.recordings.exporters.request import ExportError, ExportRequest
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.probe import probe
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.probe import probe
+from imuscope.recordings.mcap.compaction import compact
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.library.decode import decode
 from tests.free_ports import free_port

@@ -10,12 +10,12 @@ import pytest
 from imuscope.protocols import events
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.compaction import compact
-from imuscope.recordings.health_history import health_history
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.columns.health_history import health_history
+from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from imuscope.server.streaming.channels import ChannelRegistry
@@ -154,7 +154,7 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A long CSV was a progress bar to its last row."""
-    from imuscope.recordings import tabular
+    from imuscope.recordings.tables import table_source as tabular
     from imuscope.server.library import decode as opening
 
     monkeypatch.setattr(opening, "FIRST_SHOWN_S", 0.0)

@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.mcap_source import McapSource
+from imuscope.recordings.mcap.source import McapSource
 from imuscope.server import wire, wire_codec
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.api_models import RecordingInfo

@@ -10,7 +10,7 @@ import pytest
 
 from imuscope.protocols.idtp.custom_payloads import parse, written
 from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.server.devices.decode_options import DecodeOptions, recorded
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.library.column_cache import ColumnCache

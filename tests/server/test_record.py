@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.own_recordings import is_uncompacted
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.mcap.own_recordings import is_uncompacted
+from imuscope.recordings.mcap.reader import McapReader
 from imuscope.server.commands.record import amount
 from tests.bench.tcp_device import TcpDevice
 from tests.each_row import each_row
@@ -32,7 +32,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 STOPPED_WHILE_PACKING = """
 import os, signal, sys
-from imuscope.recordings import compaction
+from imuscope.recordings.mcap import compaction
 from imuscope.server.cli import main
 
 def stopped(*arguments, **more):

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.mcap_reader import McapReader
+from imuscope.recordings.mcap.reader import McapReader
 from imuscope.server import wire_codec
 from imuscope.server.library.recorded_settings import settings_of
 from imuscope.server.library.recorder import RecordingOptions

@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 from pydantic import TypeAdapter
 
-from imuscope.recordings.health_history import HealthHistory
+from imuscope.recordings.columns.health_history import HealthHistory
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server import wire
 from imuscope.server.configuration.api_models import Forms, SnapshotBody, SnapshotInfo

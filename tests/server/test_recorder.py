@@ -14,16 +14,16 @@ import pytest
 from mcap.reader import make_reader
 
 from imuscope.protocols.xbus.output_changes import CONFIGURED
-from imuscope.recordings import quota
-from imuscope.recordings.compaction import compact
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import free_path, slug
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.own_recordings import is_uncompacted
-from imuscope.recordings.recording_writer import Limits
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library import quota
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.live_writer import Limits
+from imuscope.recordings.mcap.own_recordings import is_uncompacted
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.config import Config, load
 from imuscope.server.devices import protocol_set
 from imuscope.server.errors import DomainError

@@ -22,7 +22,7 @@ from typing import Any, ClassVar, NoReturn
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.cli import main
 from imuscope.server.commands.replay import UdpSink, _play, address

@@ -25,10 +25,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from imuscope.recordings import resource_limits
-from imuscope.recordings.mcap_reader import CHUNK, LARGEST_CHUNK, McapReader
-from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.probe import probe
+from imuscope.recordings.library.probe import probe
+from imuscope.recordings.mcap.reader import CHUNK, LARGEST_CHUNK, McapReader
+from imuscope.recordings.mcap.records import MAGIC
+from imuscope.recordings.system import resource_limits
 from imuscope.server import http_server, wire
 from imuscope.server.config import Config
 from imuscope.server.connections import ConnectionLimits
@@ -219,7 +219,7 @@ def test_files_are_sources_only_on_the_command_line(tmp_path: Path) -> None:
 
 def test_a_worker_that_uses_too_much_memory_is_stopped() -> None:
     program = """
-from imuscope.recordings.resource_limits import bounded
+from imuscope.recordings.system.resource_limits import bounded
 bounded(memory=400 << 20)
 try:
     bytearray(600 << 20)
@@ -237,7 +237,8 @@ def test_packing_is_bounded(tmp_path: Path) -> None:
     program = """
 import sys
 from pathlib import Path
-from imuscope.recordings import compaction, resource_limits
+from imuscope.recordings.mcap import compaction
+from imuscope.recordings.system import resource_limits
 
 def hostile(path):
     if path.name == "large":

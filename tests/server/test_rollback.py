@@ -14,7 +14,7 @@ from httpx import Client
 from imuscope.protocols.commands.transactions import DeviceContext, Transaction
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackRun, RollbackStore
 from imuscope.server.links.base import LinkError

@@ -17,9 +17,9 @@ from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.cli import main
 from imuscope.server.configuration.budget import overload
 from imuscope.server.configuration.change_plan import SHARED, plan_changes

@@ -11,7 +11,7 @@ from typing import Any
 import pyarrow.parquet as pq
 from mcap.reader import make_reader
 
-from imuscope.recordings.mcap_writer import is_simulated
+from imuscope.recordings.mcap.writer import is_simulated
 from tests.each_row import each_row
 from tests.server_process import ServerProcess
 from tests.waiting import block_until

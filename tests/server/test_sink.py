@@ -14,8 +14,8 @@ from imuscope.protocols.idtp.decoder import IdtpDecoder
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.column_store import ColumnStoreWriter
-from imuscope.recordings.health_history import HealthHistoryWriter
+from imuscope.recordings.columns.health_history import HealthHistoryWriter
+from imuscope.recordings.columns.store import ColumnStoreWriter
 from imuscope.server import wire
 from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
 from imuscope.server.devices.device_state import DeviceState

@@ -15,7 +15,7 @@ from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.stored_settings import settings_of
 from imuscope.protocols.schema.fields import Field, Setting
 from imuscope.protocols.xbus.driver import XbusDriver
-from imuscope.recordings import bounded_yaml
+from imuscope.recordings.system import bounded_yaml
 from imuscope.server.configuration.settings_diff import NO_DEFAULT, ComparedValues, compare
 from imuscope.server.configuration.snapshot_text import from_text
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots, to_text

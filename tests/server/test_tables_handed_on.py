@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from starlette.requests import Request
 
-from imuscope.recordings.column_store import ExactRows
+from imuscope.recordings.columns.store import ExactRows
 from imuscope.server.api.recording_data import _only_one
 from imuscope.server.errors import DomainError
 from imuscope.server.library.export_jobs import file_stem

@@ -16,7 +16,7 @@ import httpx
 import pytest
 
 from imuscope.recordings.file_names import clean_name
-from imuscope.recordings.file_suffixes import suffixes
+from imuscope.recordings.readers.file_suffixes import suffixes
 from imuscope.server.api.unicode_guard import is_whole
 from imuscope.server.config import Config
 from imuscope.server.configuration.snapshots import Snapshot, Snapshots

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from imuscope.protocols.idtp.frames import build
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 

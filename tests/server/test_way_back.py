@@ -14,7 +14,7 @@ from imuscope.protocols.isb.messages import places
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.isb.simulator.settings import FLASH, summed
 from imuscope.protocols.schema.layouts import EncodeError
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.configuration import rollback
 from imuscope.server.configuration.change_plan import plan_changes
 from imuscope.server.configuration.device_controller import DeviceController

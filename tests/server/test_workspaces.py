@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.workspaces import ANY, FOLDER, MAX_BYTES, MAX_NAME, WorkspaceStore, clean_name

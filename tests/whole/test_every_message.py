@@ -24,10 +24,10 @@ from mcap.reader import make_reader
 
 from imuscope.protocols.events import Batch
 from imuscope.protocols.xbus.data_identifiers import ITEMS
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.devices.decode_options import DecodeOptions, checked_options
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.library.decode import decode

@@ -15,9 +15,9 @@ from mcap.reader import make_reader
 from imuscope.protocols.idtp.frames import SAFETY, build
 from imuscope.protocols.isb.frames import DATA
 from imuscope.protocols.isb.frames import build as isb_packet
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.rerun.rrd.chunks import name_of

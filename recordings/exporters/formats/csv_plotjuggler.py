@@ -22,7 +22,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
 
     from imuscope.recordings.exporters.csv_tables import heading, lines
     from imuscope.recordings.exporters.message_table import SEGMENT, MessageTable, batches
-    from imuscope.recordings.topics import fields_of
+    from imuscope.recordings.exporters.topics import fields_of
 
     topics = channel_topics(request)
     infos = [info for info in (*request.clocks, *request.infos) if info["kind"] != "table"]
@@ -47,7 +47,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
 
 def channel_topics(request: ExportRequest) -> dict[int, str]:
     """Names of all channels and clocks of the recording, so that the choice changes no name."""
-    from imuscope.recordings.topics import named, topic_of
+    from imuscope.recordings.exporters.topics import named, topic_of
 
     topics: dict[int, str] = {}
     for info in request.columns.manifest["channels"]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.arrow_table import BATCH_ROWS, ArrowColumns
-from imuscope.recordings.table_format import MAX_COLUMNS
-from imuscope.recordings.tabular import is_rate_name
+from imuscope.recordings.tables.format import MAX_COLUMNS
+from imuscope.recordings.tables.table_source import is_rate_name
 
 if TYPE_CHECKING:
     import pyarrow as pa

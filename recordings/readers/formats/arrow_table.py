@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import FileDamage, remark
-from imuscope.recordings.table_format import MAX_COLUMNS, MOST_COLUMNS, SAMPLE_ROWS, TableFormat
-from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.tabular import CsvSource
+from imuscope.recordings.tables.format import MAX_COLUMNS, MOST_COLUMNS, SAMPLE_ROWS, TableFormat
+from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.table_source import CsvSource
 
 if TYPE_CHECKING:  # imported where a table is read, so that a server starts sooner
     import pyarrow as pa

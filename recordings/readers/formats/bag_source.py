@@ -17,8 +17,8 @@ from imuscope.protocols.messages.records import (
     definition,
 )
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.message_source import DEVICE, MessageFile
 from imuscope.recordings.readers.formats.bag_kernels import NUMBER, SIZE, TIME, copy_records
+from imuscope.recordings.readers.message_source import DEVICE, MessageFile
 from imuscope.recordings.sources import ChunkBlock, FileDamage, remark
 
 BLOCK_BYTES = 4 << 20

@@ -36,7 +36,7 @@ from imuscope.recordings.readers.formats.flight_log import (
     LogTable,
 )
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.system.regular_file import open_regular
 
 MARK = b"H Product:Blackbox flight data recorder"
 MAIN_FRAMES, OTHER_FRAMES = 1 << 15, 1 << 12  # read at once

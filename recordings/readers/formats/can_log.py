@@ -39,17 +39,17 @@ from imuscope.protocols.can.survey import CanDevice, devices_of, message_names
 from imuscope.protocols.clocks.counters import TickUnwrapper
 from imuscope.protocols.framing.stream_buffer import BODY, ID, LENGTH, SENDER
 from imuscope.protocols.schema.plural import counted
-from imuscope.recordings.clock_steps import duration_text
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.message_source import MessageFile
 from imuscope.recordings.readers.formats.can_kernels import ASC, LOG, TERMINAL, read_lines, write_lines
 from imuscope.recordings.readers.formats.can_survey import FRAME_BYTES, SECOND_NS, LogSurvey, Since, strays
+from imuscope.recordings.readers.message_source import MessageFile
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
-from imuscope.recordings.table_axis import origin_of
-from imuscope.recordings.table_clock import TableClock
-from imuscope.recordings.table_format import TableFormat
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.clock import TableClock
+from imuscope.recordings.tables.clocks.axis import origin_of
+from imuscope.recordings.tables.clocks.steps import duration_text
+from imuscope.recordings.tables.format import TableFormat
 
 BLOCK_BYTES = 4 << 20
 LEAST_LINE = 8  # bytes of a line with a frame

@@ -23,7 +23,7 @@ from imuscope.recordings.readers.formats.arrow_table import (
     heading_of,
 )
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.system.regular_file import open_regular
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -19,17 +19,17 @@ from typing import TYPE_CHECKING
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import clean_name
-from imuscope.recordings.file_suffixes import suffixes
 from imuscope.recordings.readers.bag_folder import METADATA
+from imuscope.recordings.readers.file_suffixes import suffixes
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder, decompressed
 from imuscope.recordings.readers.formats.euroc_folder import DATA as SENSOR_DATA
 from imuscope.recordings.readers.formats.euroc_folder import SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
 from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES, packet_folder
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import add_outer_damage, remark
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.options import TableOptions
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source
@@ -152,7 +152,7 @@ def temporary_source(unpacked: UnpackedFolder, request: OpenRequest, extract: Ca
 def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
     """The content of an archive as one source."""
     from imuscope.recordings.readers.formats.table_set import TableSet
-    from imuscope.recordings.tabular import TableSource
+    from imuscope.recordings.tables.table_source import TableSource
 
     if any(file.name == METADATA for file in files) and len(files) > 1:
         return request.open_packed(folder, "", TableOptions())

@@ -30,10 +30,10 @@ from imuscope.recordings.readers.formats.flight_log import (
     LogTable,
 )
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.table_cells import times_of
-from imuscope.recordings.table_clock import TableClock
-from imuscope.recordings.table_dates import WEEK
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.cells import times_of
+from imuscope.recordings.tables.clock import TableClock
+from imuscope.recordings.tables.dates import WEEK
 
 MARK = b"\xa3\x95"
 FMT = 128

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import FileDamage, Source, add_outer_damage
-from imuscope.recordings.temporary_folder import TemporaryFolder
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.system.temporary_folder import TemporaryFolder
 
 S = TypeVar("S", bound=Source)
 

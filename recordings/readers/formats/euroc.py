@@ -22,10 +22,10 @@ import numpy as np
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.euroc_folder import DATA, SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.table_set import TableSet
-from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import FileDamage, remark
-from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.tabular import CsvSource, TableRows, TableSource
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.table_source import CsvSource, TableRows, TableSource
 
 LONGEST = 1 << 16  # bytes of a sensor.yaml that are read
 _SEGMENTS = re.compile(r"^# Segments of the clock begin at, unix s: (\[.*\])$", re.MULTILINE)

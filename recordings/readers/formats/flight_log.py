@@ -1,7 +1,7 @@
 """Logs of flight controllers: records of many kinds, each a table, with the time since the controller started.
 
-The clock is dated by a fix of a GNSS receiver in the log, else as a table is (recordings/table_axis.py). Where it goes
-back a segment begins (log_clock.py), and the clock itself is a column of each table.
+The clock is dated by a fix of a GNSS receiver in the log, else as a table is (recordings/tables/clocks/axis.py). Where
+it goes back a segment begins (log_clock.py), and the clock itself is a column of each table.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Ints
-from imuscope.recordings.clock_steps import ClockWatch
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.log_clock import LogClock
 from imuscope.recordings.sources import FileDamage, remark
-from imuscope.recordings.table_axis import TimeAxis, origin_of
-from imuscope.recordings.table_clock import TableClock
-from imuscope.recordings.table_format import TableFormat
-from imuscope.recordings.tabular import TableRows, TableSource
+from imuscope.recordings.tables.clock import TableClock
+from imuscope.recordings.tables.clocks.axis import TimeAxis, origin_of
+from imuscope.recordings.tables.clocks.steps import ClockWatch
+from imuscope.recordings.tables.format import TableFormat
+from imuscope.recordings.tables.table_source import TableRows, TableSource
 
 BLOCK_BYTES = 8 << 20
 MOST_TABLES, MOST_COLUMNS = 512, 256

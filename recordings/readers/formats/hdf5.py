@@ -32,8 +32,8 @@ from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_l
 from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.formats.matlab import NUMBERS
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.time_units import FACTORS, LONG, SPELLINGS
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.time_units import FACTORS, LONG, SPELLINGS
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 MATLAB = b"MATLAB 7.3 MAT-file"

@@ -23,11 +23,11 @@ from imuscope.recordings.readers.formats.compressed import temporary_source
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.formats.typed_rows import KEY, TypedTables, csv_line
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import FileDamage
-from imuscope.recordings.table_dates import is_moment
-from imuscope.recordings.table_format import LONGEST_LINE, MAX_COLUMNS, is_number
-from imuscope.recordings.table_names import JSON_NAMES, JSON_RATES, TIME, TIMES, words_of
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.clocks.names import JSON_NAMES, JSON_RATES, TIME, TIMES, words_of
+from imuscope.recordings.tables.dates import is_moment
+from imuscope.recordings.tables.format import LONGEST_LINE, MAX_COLUMNS, is_number
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MESSAGE, records_of
-from imuscope.recordings.clock_steps import MOST_STEPS, NEXT_ROWS, PAUSE_S, ClockWatch, StepOfClock
 from imuscope.recordings.sources import ChunkBlock
+from imuscope.recordings.tables.clocks.steps import MOST_STEPS, NEXT_ROWS, PAUSE_S, ClockWatch, StepOfClock
 
 Floats = NDArray[np.float64]
 

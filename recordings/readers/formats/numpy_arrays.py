@@ -18,7 +18,7 @@ from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_line
 from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.system.regular_file import open_regular
 
 MAGIC = b"\x93NUMPY"
 LARGEST = 1 << 30  # bytes of all arrays of an archive

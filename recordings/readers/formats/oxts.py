@@ -16,9 +16,9 @@ from pathlib import Path
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES
-from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.tabular import CsvSource
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.table_source import CsvSource
 
 LONGEST = 4096  # bytes of a packet
 MOST = 1_000_000  # packets

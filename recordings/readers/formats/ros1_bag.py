@@ -28,8 +28,8 @@ from imuscope.recordings.readers.formats.bag_kernels import alike_messages
 from imuscope.recordings.readers.formats.bag_source import BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.formats.decompressing import inflated
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import FileDamage
+from imuscope.recordings.system.regular_file import open_regular
 
 MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE, CHUNK, CONNECTION = 2, 5, 7

@@ -20,17 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.bounded_yaml import load
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.mcap_records import MAGIC
-from imuscope.recordings.message_source import MessageFile, MessageSource, segments_in
+from imuscope.recordings.mcap.records import MAGIC
 from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.formats.bag_kernels import SIZE, START
 from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES, BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.formats.decompressing import CODECS, UnpackedFolder, decompressed, inflated
+from imuscope.recordings.readers.message_source import MessageFile, MessageSource, segments_in
 from imuscope.recordings.readers.registry import FileReader, register_reader
-from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import ChunkBlock, FileDamage, damage_of
+from imuscope.recordings.system.bounded_yaml import load
+from imuscope.recordings.system.regular_file import open_regular
 
 LONGEST_METADATA = 16 << 20
 LONGEST_MESSAGE = 1 << 27

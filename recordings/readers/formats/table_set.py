@@ -8,9 +8,9 @@ from pathlib import Path
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import FileDamage, remark
-from imuscope.recordings.table_axis import LAST_CHANGE, TimeAxis
-from imuscope.recordings.table_dates import dated_name
-from imuscope.recordings.tabular import TableRows, TableSource
+from imuscope.recordings.tables.clocks.axis import LAST_CHANGE, TimeAxis
+from imuscope.recordings.tables.dates import dated_name
+from imuscope.recordings.tables.table_source import TableRows, TableSource
 
 
 def _dated_by_a_clock(tables: Sequence[TableSource]) -> TimeAxis | None:

@@ -25,19 +25,19 @@ from typing import TYPE_CHECKING, TextIO
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import clean_name
-from imuscope.recordings.file_suffixes import suffixes
+from imuscope.recordings.readers.file_suffixes import suffixes
 from imuscope.recordings.readers.formats.compressed import temporary_source
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.formats.table_set import TableSet
 from imuscope.recordings.readers.registry import OpenRequest
-from imuscope.recordings.regular_file import open_regular
-from imuscope.recordings.table_clock import AmbiguousTableError
-from imuscope.recordings.table_dates import is_moment
-from imuscope.recordings.table_format import LONGEST_LINE, MOST, SAMPLE_BYTES, TableFormat, format_of, is_number, split
-from imuscope.recordings.table_labels import labels_of
-from imuscope.recordings.table_names import SENSOR, words_of
-from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.tabular import CsvSource, TableSource
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.clock import AmbiguousTableError
+from imuscope.recordings.tables.clocks.names import SENSOR, words_of
+from imuscope.recordings.tables.dates import is_moment
+from imuscope.recordings.tables.format import LONGEST_LINE, MOST, SAMPLE_BYTES, TableFormat, format_of, is_number, split
+from imuscope.recordings.tables.labels import labels_of
+from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.table_source import CsvSource, TableSource
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source

@@ -34,8 +34,8 @@ from imuscope.recordings.readers.formats.flight_log import (
     LogTable,
 )
 from imuscope.recordings.readers.registry import FileReader, register_reader
-from imuscope.recordings.regular_file import open_regular
 from imuscope.recordings.sources import remark
+from imuscope.recordings.system.regular_file import open_regular
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER_BYTES = 16

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from imuscope.recordings.readers.formats.compressed import temporary_source
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.system.regular_file import open_regular
 
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source

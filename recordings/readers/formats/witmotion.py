@@ -33,7 +33,7 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.array_columns import Array, columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
-from imuscope.recordings.regular_file import open_regular
+from imuscope.recordings.system.regular_file import open_regular
 
 MARK, LENGTH, SUM = 0x55, 11, 10
 CLOCK = 0x50

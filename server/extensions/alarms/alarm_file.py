@@ -3,7 +3,8 @@
     <data>/alarms.json    {"imuscope": 1, "alarms": [{"id", "definition"}], "states": {id: {device: {…}}}}
 
 A device is named by its source, and its address on a shared link, because its id is new in every run. The file is
-written completely or not at all (recordings/atomic_write.py). One that cannot be read is renamed, never overwritten.
+written completely or not at all (recordings/system/atomic_write.py). One that cannot be read is renamed, never
+overwritten.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.extensions.alarms.definitions import StoredAlarm
 from imuscope.server.wire import DeviceInfo
 

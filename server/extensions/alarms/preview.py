@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.conditions import Rows, SampleCondition
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition

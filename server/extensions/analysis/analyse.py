@@ -9,7 +9,7 @@ from itertools import chain
 from typing import Any, TextIO
 
 from imuscope.protocols.schema.plural import counted
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.commands.decode import time_range_of
 from imuscope.server.errors import UsageError
 from imuscope.server.extensions.analysis.registry import FiguresOfSignal, analysis_named

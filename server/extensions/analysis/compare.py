@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import TextIO
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.commands.decode import time_range_of
 from imuscope.server.extensions.analysis.signal_request import requested_signals
 from imuscope.server.extensions.analysis.signals import recorded_samples

@@ -11,7 +11,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from imuscope.protocols.commands.transactions import DeviceContext
-from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses

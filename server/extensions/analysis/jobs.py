@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from imuscope.protocols.schema.plural import counted
-from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.body_axes import ATTITUDES
 from imuscope.server.extensions.analysis.pairs import Pairing, paired, shortened, thinned

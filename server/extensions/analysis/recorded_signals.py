@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.derived_channels import channel_of
 from imuscope.server.extensions.analysis.expression_functions import Context

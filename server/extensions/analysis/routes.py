@@ -12,7 +12,7 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
-from imuscope.recordings.column_store import Base, ColumnStore
+from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, responses

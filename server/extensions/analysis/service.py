@@ -16,7 +16,7 @@ import os
 from collections.abc import Awaitable, Callable, Iterator
 from typing import TYPE_CHECKING
 
-from imuscope.recordings.resource_limits import memory_of_one
+from imuscope.recordings.system.resource_limits import memory_of_one
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.jobs import AnalysisJob, Content
 from imuscope.server.extensions.analysis.limits import LESS, AnalysisLimits

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.column_store import Base, ColumnStore, ExactRows
+from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.companions import CompanionChannels, Companions
 from imuscope.server.library.range_query import query_columns, stored_values

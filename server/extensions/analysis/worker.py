@@ -15,8 +15,8 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from imuscope.recordings.priority import lower_priority
-from imuscope.recordings.resource_limits import TooLong, bounded, memory_in_use, memory_of_one
+from imuscope.recordings.system.priority import lower_priority
+from imuscope.recordings.system.resource_limits import TooLong, bounded, memory_in_use, memory_of_one
 from imuscope.server.errors import DomainError
 from imuscope.server.extension import extensions
 from imuscope.server.extensions.analysis.jobs import AnalysisJob

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.errors import DomainError, UsageError
 from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_samples
 from imuscope.server.extensions.analysis.triads import Samples, finite

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.recordings.column_store import Base
+from imuscope.recordings.columns.store import Base
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.clock_steps import StepOfClock
+from imuscope.recordings.tables.clocks.steps import StepOfClock
 
 Floats = NDArray[np.float64]
 

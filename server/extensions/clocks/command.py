@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from imuscope.recordings.temporary_folder import TemporaryFolder
+from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.server.commands.common import check_sources, checked_protocol, decode_options_of, file_to_decode, seekable
 from imuscope.server.commands.file_arguments import add_table
 from imuscope.server.config import load

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.clock_steps import ClockWatch, StepOfClock, periods_of
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.table_axis import AHEAD, step_limits
-from imuscope.recordings.time_units import UNITS, is_dated
+from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.tables.clocks.axis import AHEAD, step_limits
+from imuscope.recordings.tables.clocks.steps import ClockWatch, StepOfClock, periods_of
+from imuscope.recordings.tables.time_units import UNITS, is_dated
 from imuscope.server.extensions.clocks.against import ClockDifference, difference_between
 from imuscope.server.library.collector import DEVICE_TIME
 

@@ -9,20 +9,20 @@ from typing import Annotated, Literal
 from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.file_reading import (
+from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.library.previewed_table import TablePreview, TableQuestion
+from imuscope.recordings.library.recording_probe import TABLE_FORMATS
+from imuscope.recordings.sidecar import stored_reading
+from imuscope.recordings.tables.file_reading import (
     FASTEST_HZ,
     LONGEST,
     MOST_COLUMNS,
     SLOWEST_HZ,
     FileReading,
 )
-from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.previewed_table import TablePreview, TableQuestion
-from imuscope.recordings.recording_probe import TABLE_FORMATS
-from imuscope.recordings.sidecar import stored_reading
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tables.options import TableOptions
 from imuscope.server.api.dependencies import TheServices, user_of, while_connected
 from imuscope.server.api.errors import recording_errors, responses, unknown_recording
 from imuscope.server.api.lazy_routes import lazy_router
@@ -169,7 +169,7 @@ async def _state(services: TheServices, entry: LibraryEntry) -> ReadingState:
 
 
 async def _question(services: Services, entry: LibraryEntry) -> TableQuestion | None:
-    function = "imuscope.recordings.table_preview:question_of"
+    function = "imuscope.recordings.library.table_preview:question_of"
     try:
         return await services.catalogue.files.call(function, entry.path, returns=TableQuestion | None)
     except (RecordingError, OSError):
@@ -181,7 +181,7 @@ async def _preview(
 ) -> TablePreview | None:
     if not entry.probe.may_be_table:
         return None
-    function = "imuscope.recordings.table_preview:preview_of"
+    function = "imuscope.recordings.library.table_preview:preview_of"
     try:
         files = services.catalogue.files
         return await files.call(function, entry.path, options, returns=TablePreview | None, user=user)

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Iterator, Mapping
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.temporary_folder import TemporaryFolder
+from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.server.devices.byte_memory import LinkMemory
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuscope.protocols.schema.plural import counted
-from imuscope.recordings.clock_steps import duration_text
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.tables.clocks.steps import duration_text
 from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, clocks_of
 from imuscope.server.extensions.clocks.memory_source import MemorySource
 

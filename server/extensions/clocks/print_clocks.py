@@ -15,10 +15,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
-from imuscope.recordings.clock_steps import duration_text
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.table_dates import utc_text
-from imuscope.recordings.time_units import rate_text
+from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.tables.clocks.steps import duration_text
+from imuscope.recordings.tables.dates import utc_text
+from imuscope.recordings.tables.time_units import rate_text
 from imuscope.server.commands.decoded import decoded
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, as_json, clocks_of

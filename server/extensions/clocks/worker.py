@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.parent_death import report_to_parent
-from imuscope.recordings.resource_limits import TooLong
 from imuscope.recordings.sources import SourceDevice
+from imuscope.recordings.system.parent_death import report_to_parent
+from imuscope.recordings.system.resource_limits import TooLong
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.clocks.live_time import live_time

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings.column_store import VERSION as COLUMNS_VERSION
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import VERSION as COLUMNS_VERSION
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.registry import analysis_named

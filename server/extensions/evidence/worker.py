@@ -12,9 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.atomic_write import SHARED, write_atomic
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.system.atomic_write import SHARED, write_atomic
 from imuscope.server.extensions.evidence.content import About, content_of
 from imuscope.server.extensions.evidence.document import document
 from imuscope.server.extensions.evidence.request import EvidenceRequest, request_of

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.machine import (

@@ -23,7 +23,7 @@ import msgspec
 from msgspec import Meta
 
 from imuscope.protocols.commands.transactions import DeviceDriver
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.configuration.api_models import Difference
 from imuscope.server.configuration.controllers import driver_of
 from imuscope.server.errors import DomainError

@@ -25,7 +25,7 @@ from pathlib import Path
 
 import msgspec
 
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.extensions.fleet.reports import MAX_REPORT, Boot, Count, ReportError, decode_report
 
 log = logging.getLogger("imuscope.fleet")

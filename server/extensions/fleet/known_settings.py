@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.protocols.commands.transactions import Values
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
 from imuscope.server.extensions.fleet.device_settings import DeviceSettings, encode_settings, writable_settings
 from imuscope.server.extensions.fleet.reports import RobotDevice

@@ -12,8 +12,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.recording_probe import RecordingProbe
+from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.server.configuration.value_format import spaced
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.extensions.fleet.tables import DEVICES, EVENTS, LOSSES, RECORDINGS, SETTINGS, StoreTable

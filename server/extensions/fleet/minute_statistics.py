@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.statistics import wrapped
+from imuscope.recordings.columns.statistics import wrapped
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.extensions.fleet.metadata import Row, moment
 from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.wire import ChannelInfo, ColumnInfo

@@ -19,9 +19,9 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuscope.recordings.parent_death import die_with_parent
-from imuscope.recordings.priority import lower_priority
-from imuscope.recordings.resource_limits import TooLong, bounded
+from imuscope.recordings.system.parent_death import die_with_parent
+from imuscope.recordings.system.priority import lower_priority
+from imuscope.recordings.system.resource_limits import TooLong, bounded
 from imuscope.server.extensions.fleet.fetch import NotInStoreError, fetch
 from imuscope.server.extensions.fleet.query import QueryError, QueryLimits, run_query
 from imuscope.server.extensions.fleet.query_words import query_words

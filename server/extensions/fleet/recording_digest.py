@@ -14,17 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
-from imuscope.recordings.chunked import HEAD
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.download import wrap_capture
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
-from imuscope.recordings.importers import CaptureSource
-from imuscope.recordings.mcap_reader import DATA, LENGTH, McapReader
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.importers.open_file import CaptureSource
+from imuscope.recordings.library.download import wrap_capture
+from imuscope.recordings.mcap.chunked import HEAD
+from imuscope.recordings.mcap.reader import DATA, LENGTH, McapReader
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.readers.message_source import MessageSource
 from imuscope.recordings.sidecar import Edits
 from imuscope.recordings.sources import Source
-from imuscope.recordings.tabular import TableSource
+from imuscope.recordings.tables.table_source import TableSource
 
 PIECE = 1 << 20
 ID_LENGTH = 24  # hexadecimal digits of an identifier: 96 bits

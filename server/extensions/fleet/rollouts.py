@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from imuscope.protocols.commands.transactions import DeviceDriver
-from imuscope.recordings import atomic_write
-from imuscope.recordings.regular_file import read_regular
+from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_regular
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
 from imuscope.server.extensions.fleet.http_tunnel_server import RobotPages

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.extensions.fleet.metadata import RecordingKey
 from imuscope.server.extensions.fleet.packet_rows import PacketWindow, packet_windows
 from imuscope.server.extensions.fleet.tables import SAMPLES, SIGNAL, UNIT

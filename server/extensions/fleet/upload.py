@@ -22,13 +22,14 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from imuscope.recordings import atomic_write, file_lock, sidecar
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings import sidecar
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.probe import probe
-from imuscope.recordings.recording_probe import RecordingProbe
-from imuscope.recordings.temporary_folder import TemporaryFolder
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.probe import probe
+from imuscope.recordings.library.recording_probe import RecordingProbe
+from imuscope.recordings.system import atomic_write, file_lock
+from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.fleet.bandwidth_proxy import LineRate

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from imuscope.recordings import sidecar
-from imuscope.recordings.library_entry import LibraryEntry
+from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.extensions.fleet.upload_log import UploadOutcome
 

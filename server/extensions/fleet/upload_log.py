@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from imuscope.recordings import atomic_write
-from imuscope.recordings.library_entry import LibraryEntry
+from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.system import atomic_write
 
 FILE = "uploads.json"
 VERSION = 1

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from imuscope.recordings.library_entry import LibraryEntry
+from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.server.extensions.fleet.store_settings import StoreSettings, hours_of
 
 ALARM_TITLE, ALARM_MARKER = "Alarm ", "Alarm “"  # as server/extensions/alarms/recording_trigger.py writes them

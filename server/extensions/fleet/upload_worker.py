@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.parent_death import report_to_parent
-from imuscope.recordings.resource_limits import TooLong, bounded_by
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.system.parent_death import report_to_parent
+from imuscope.recordings.system.resource_limits import TooLong, bounded_by
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.fetch import NotInStoreError, verify
 from imuscope.server.extensions.fleet.recording_digest import recording_id

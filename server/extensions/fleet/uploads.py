@@ -22,9 +22,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from imuscope.recordings import file_lock
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.library_entry import LibraryEntry
+from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.system import file_lock
 from imuscope.server.backoff import Backoff
 from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.robot_settings import robot_name

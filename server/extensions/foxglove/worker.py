@@ -6,10 +6,10 @@
                                              Config
     output:  {"op": "served", "port": …} or {"op": "failed", "why": …}
 
-Every channel becomes a topic of JSON messages (recordings/topics.py), every attitude a foxglove.FrameTransform from
-ENU to the device, every latitude and longitude a foxglove.LocationFix, and every event a foxglove.Log
-(recordings/standard_schemas.py). A channel is requested and encoded only while it has subscribers. The protocol itself
-is in server/extensions/foxglove/protocol_server.py.
+Every channel becomes a topic of JSON messages (recordings/exporters/topics.py), every attitude a
+foxglove.FrameTransform from ENU to the device, every latitude and longitude a foxglove.LocationFix, and every event a
+foxglove.Log (recordings/exporters/standard_schemas.py). A channel is requested and encoded only while it has
+subscribers. The protocol itself is in server/extensions/foxglove/protocol_server.py.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
-from imuscope.recordings import standard_schemas
-from imuscope.recordings.entities import Attitude, DeviceEntity, PositionEntity, devices_of
+from imuscope.recordings.exporters import standard_schemas
+from imuscope.recordings.exporters.entities import Attitude, DeviceEntity, PositionEntity, devices_of
+from imuscope.recordings.exporters.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
 from imuscope.recordings.file_names import device_names
-from imuscope.recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
 from imuscope.server.auth import Access, RefusedError
 from imuscope.server.config import Config
 from imuscope.server.errors import status_of

@@ -21,7 +21,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-from imuscope.recordings.atomic_write import write_atomic
+from imuscope.recordings.system.atomic_write import write_atomic
 from imuscope.server.integrations.viewer_process import ViewError
 
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")

@@ -11,9 +11,9 @@ import math
 import sys
 from pathlib import Path
 
-from imuscope.recordings.column_store import ColumnStore
-from imuscope.recordings.parent_death import die_with_parent
-from imuscope.recordings.priority import lower_priority
+from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.system.parent_death import die_with_parent
+from imuscope.recordings.system.priority import lower_priority
 
 
 def main() -> int:

@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from imuscope.recordings.entities import DeviceEntity, devices_of
-from imuscope.recordings.enu import Origin, is_place
+from imuscope.recordings.exporters.entities import DeviceEntity, devices_of
+from imuscope.recordings.exporters.enu import Origin, is_place
 from imuscope.server.extensions.rerun.rrd import chunks, static
 from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
 from imuscope.server.extensions.rerun.rrd.chunks import Array, Times, nanoseconds

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.topics import stamps
+from imuscope.recordings.exporters.topics import stamps
 from imuscope.server.extensions.ros2.axes import Floats
 from imuscope.server.extensions.ros2.quantities import Place
 from imuscope.server.wire_codec import SampleFrame

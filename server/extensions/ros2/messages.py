@@ -29,7 +29,7 @@ import numpy as np
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import quaternions
-from imuscope.recordings.enu import is_place
+from imuscope.recordings.exporters.enu import is_place
 from imuscope.server.extensions.ros2.axes import Floats, body_vectors, world_vectors
 from imuscope.server.extensions.ros2.cdr_rows import stamp_columns
 from imuscope.server.extensions.ros2.covariances import NOT_KNOWN_HEADING, SensorNoise

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from imuscope.protocols.rotations import to_body
-from imuscope.recordings.enu import Origin, enu_of, enu_turns, is_place
+from imuscope.recordings.exporters.enu import Origin, enu_of, enu_turns, is_place
 from imuscope.server.extensions.ros2.axes import Floats, world_vectors
 from imuscope.server.extensions.ros2.covariances import NOT_KNOWN_HEADING, SensorNoise
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin

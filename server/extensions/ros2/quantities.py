@@ -1,9 +1,9 @@
 """Mapping from the channels of a device to the quantities that ROS has messages for. Pure.
 
 A channel is chosen by its title and its unit, so no family is named; the attitude is the one that all views show
-(recordings/entities.py). Where several fit, a receiver's own position comes before a fused one, and a velocity
-against the earth before one in body axes. A magnetic field in arbitrary units cannot become tesla: it has a reason
-instead of a place.
+(recordings/exporters/entities.py). Where several fit, a receiver's own position comes before a fused one, and a
+velocity against the earth before one in body axes. A magnetic field in arbitrary units cannot become tesla: it has a
+reason instead of a place.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from imuscope.recordings.entities import Attitude, devices_of
+from imuscope.recordings.exporters.entities import Attitude, devices_of
 
 Info = Mapping[str, Any]  # a channel: server/wire/ ChannelInfo
 

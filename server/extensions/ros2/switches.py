@@ -13,7 +13,7 @@ import json
 from collections.abc import Collection
 from pathlib import Path
 
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.errors import DomainError
 
 FILE = "ros2.json"

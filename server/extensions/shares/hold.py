@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from imuscope.recordings.priority import PERMIT, has_raised_priority
+from imuscope.recordings.system.priority import PERMIT, has_raised_priority
 from imuscope.server.config import Config
 from imuscope.server.diagnostics.checks import Finding
 from imuscope.server.errors import UsageError

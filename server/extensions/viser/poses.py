@@ -4,7 +4,7 @@ Everything is converted to one world frame, ENU (x east, y north, z up), whateve
 (protocols/rotations.py).
 
 Gravity is the opposite of the acceleration measured at rest; gravity and field are vectors in body axes.
-recordings/entities.py chooses the channels of attitude and position, so that all views agree.
+recordings/exporters/entities.py chooses the channels of attitude and position, so that all views agree.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.rotations import Quaternion, Vector, quaternions
-from imuscope.recordings import entities, enu
+from imuscope.recordings.exporters import entities, enu
 from imuscope.server.extensions.viser.playout_buffer import PlayoutBuffer
 from imuscope.server.wire_codec import SampleFrame
 

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.extensions.viser.poses import TRACK_S, device_views
 
 JUMP_S = 2.0  # a larger step of the playhead between two updates is a jump, unless the speed explains it

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.server import wire
 from imuscope.server.config import Config
 from imuscope.server.errors import DomainError

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.recordings.mcap_reader import TIME, McapReader
+from imuscope.recordings.mcap.reader import TIME, McapReader
 from imuscope.server.config import Config
 from imuscope.server.extensions.alarms.definitions import RecordingAction
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger

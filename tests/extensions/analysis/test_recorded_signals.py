@@ -11,12 +11,12 @@ import pyarrow.parquet as pq
 from mcap.reader import make_reader
 from scipy import signal
 
-from imuscope.recordings.column_store import ColumnStore, ExactRows
-from imuscope.recordings.compaction import compact
+from imuscope.recordings.columns.store import ColumnStore, ExactRows
 from imuscope.recordings.exporters import ExportRequest, export
-from imuscope.recordings.mcap_reader import McapReader
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.recording_writer import Limits
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.live_writer import Limits
+from imuscope.recordings.mcap.reader import McapReader
+from imuscope.recordings.mcap.source import McapSource
 from imuscope.server.devices import protocol_set
 from imuscope.server.extensions.analysis.recorded_signals import add_computed_signals
 from imuscope.server.library.decode import decode

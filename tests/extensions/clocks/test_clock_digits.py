@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.table_dates import utc_text
+from imuscope.recordings.tables.dates import utc_text
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.clocks import figures
 from imuscope.server.extensions.clocks.print_clocks import print_clocks

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from imuscope.recordings.mcap_source import McapSource
+from imuscope.recordings.mcap.source import McapSource
 from imuscope.server.api.devices import check_path
 from imuscope.server.config import Config
 from imuscope.server.errors import DomainError

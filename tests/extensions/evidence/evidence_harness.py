@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.server.extensions.evidence.content import About
 from imuscope.server.extensions.evidence.request import EvidenceRequest
 from imuscope.server.extensions.evidence.worker import write

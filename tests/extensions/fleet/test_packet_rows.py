@@ -12,7 +12,7 @@ import pyarrow as pa
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.server.extensions.fleet import samples
 from imuscope.server.extensions.fleet.metadata import RecordingKey
 from imuscope.server.extensions.fleet.packet_rows import packet_windows

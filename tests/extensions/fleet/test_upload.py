@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from imuscope.recordings import sidecar
-from imuscope.recordings.compaction import compact
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.message_source import MessageSource
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.writer import McapWriter
+from imuscope.recordings.readers.message_source import MessageSource
 from imuscope.server.extensions.fleet import upload as uploading
 from imuscope.server.extensions.fleet.store import StoreError, location, store_error
 from imuscope.server.extensions.fleet.tables import TABLES

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from imuscope.recordings import sidecar
-from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.recording_probe import RecordingProbe
+from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.sidecar import Edits
 from imuscope.server.config import ConfigError, load
 from imuscope.server.extensions.fleet.store_settings import StoreSettings

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from imuscope.recordings.library_entry import LibraryEntry
-from imuscope.recordings.recording_probe import RecordingProbe
+from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.sidecar import Edits
 from imuscope.server.config import ConfigError, load
 from imuscope.server.extensions.fleet.settings import FleetTables

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from imuscope.recordings.topics import Encoder, fields_of, schema_of, topic_of
+from imuscope.recordings.exporters.topics import Encoder, fields_of, schema_of, topic_of
 from imuscope.server.extensions.foxglove.service import MODULE
 from tests.extensions.foxglove.foxglove_client import attached, channel, protobuf
 from tests.forked_workers import workers_of

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from imuscope.recordings.topics import Encoder, bodies, stamps, tables
+from imuscope.recordings.exporters.topics import Encoder, bodies, stamps, tables
 from imuscope.server.cli import main
 from tests.each_row import each_row
 from tests.extensions.foxglove.foxglove_client import attached, protobuf

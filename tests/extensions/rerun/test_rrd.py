@@ -17,11 +17,11 @@ from rerun.chunk import RrdReader
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from imuscope.recordings.entities import devices_of
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.recordings.exporters import ExportRequest, by_suffix, export
-from imuscope.recordings.mcap_source import McapSource
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.exporters.entities import devices_of
+from imuscope.recordings.mcap.source import McapSource
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.devices import protocol_set
 from imuscope.server.extensions.rerun.rrd.chunks import name_of
 from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_for
@@ -216,7 +216,7 @@ def test_live_plots_stand_in_two_columns_because_the_viewer_is_low_in_the_page(s
 def test_curves_of_one_message_with_units_of_their_own_have_colours_of_their_own() -> None:
     import rerun as rr
 
-    from imuscope.recordings.entities import Curve
+    from imuscope.recordings.exporters.entities import Curve
     from imuscope.server.extensions.rerun.rrd.static import send_style
 
     columns = [{"name": name, "label": "", "axis": ""} for name in ("lat", "lon", "alt")]
@@ -363,7 +363,7 @@ def test_rerun_is_a_format_and_is_imported_on_demand_only(store: ColumnStore, tm
 
 def test_a_layout_is_known_without_rerun() -> None:
     own = "imuscope.server.extensions.rerun.rrd.size_limit"
-    names = f"imuscope.recordings.entities, imuscope.recordings.enu, {own}"
+    names = f"imuscope.recordings.exporters.entities, imuscope.recordings.exporters.enu, {own}"
     code = f"import sys; import {names}; print('rerun' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert said.stdout.strip() == "False"

@@ -17,10 +17,10 @@ from rosbags.highlevel import AnyReader
 
 import imuscope
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, export
-from imuscope.recordings.mcap_writer import McapWriter
-from imuscope.recordings.topics import stamps
+from imuscope.recordings.exporters.topics import stamps
+from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.config import Config
 from imuscope.server.extensions.ros2.axes import FLIP
 from imuscope.server.library.zip_download import one_file

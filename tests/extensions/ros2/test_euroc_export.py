@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import imuscope
-from imuscope.recordings.column_store import ChannelLayout, ColumnStoreWriter
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStoreWriter
 from imuscope.recordings.exporters import ExportError, ExportRequest, export
 from tests.recordings.recorded_drive import drive
 from tests.recordings.store_fixtures import ACCELERATION, START, store

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.config import ConfigError, load
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.ros2 import switches as ros2_switches

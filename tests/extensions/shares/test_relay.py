@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from imuscope.protocols.native.kernels import plain
-from imuscope.recordings import priority
+from imuscope.recordings.system import priority
 from imuscope.server.config import load
 from imuscope.server.extensions.shares import relay_kernel
 from imuscope.server.extensions.shares.hold import findings

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from imuscope.protocols import rotations
 from imuscope.protocols.rotations import euler_columns
-from imuscope.recordings.column_store import ExactRows
+from imuscope.recordings.columns.store import ExactRows
 from imuscope.server.extensions.viser import meshes, poses
 from imuscope.server.extensions.viser.replay_sync import ReplayFollower
 from imuscope.server.wire_codec import SampleFrame

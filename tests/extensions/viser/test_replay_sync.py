@@ -12,8 +12,8 @@ from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import InvalidStatus
 
 from imuscope.protocols.isb.simulator.device import IsbSimulator
-from imuscope.recordings.compaction import compact
-from imuscope.recordings.mcap_writer import McapWriter
+from imuscope.recordings.mcap.compaction import compact
+from imuscope.recordings.mcap.writer import McapWriter
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connecting
 from tests.viser_client import looking, turns

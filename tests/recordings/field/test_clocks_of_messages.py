@@ -13,9 +13,9 @@ from mcap_ros2.writer import Writer as RosWriter
 
 from imuscope.protocols.embedded.nmea import sentence
 from imuscope.protocols.messages.stamps import StampTrack
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.server.commands.decode import time_sentences
 from imuscope.server.commands.inspect import inspect_file
 from imuscope.server.devices import protocol_set

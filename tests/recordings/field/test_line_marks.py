@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.table_format import format_of
-from imuscope.recordings.table_lines import LineMarks
-from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.table_preview import preview_of
-from imuscope.recordings.tabular import Utf8
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.table_preview import preview_of
+from imuscope.recordings.tables.format import format_of
+from imuscope.recordings.tables.line_marks import LineMarks
+from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.table_source import Utf8
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tables.options import TableOptions
 from tests.each_row import each_row
 from tests.recordings.field.text_tables import EPOCH, N, read, table
 

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.table_axis import TimeAxis
-from imuscope.recordings.tabular import CsvSource
-from imuscope.recordings.time_units import UNITS
+from imuscope.recordings.tables.clocks.axis import TimeAxis
+from imuscope.recordings.tables.table_source import CsvSource
+from imuscope.recordings.tables.time_units import UNITS
 from tests.each_row import each_row
 
 WRITTEN = 1_790_000_000.0  # when the files are written, unix s

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.probe import probe
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.probe import probe
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from imuscope.recordings.table_options import TableOptions
-from imuscope.recordings.tabular import CsvSource, TableRows
+from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.table_source import CsvSource, TableRows
 
 N = 300
 EPOCH = 1_500_000_000

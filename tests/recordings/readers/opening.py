@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from hypothesis import settings
 
-from imuscope.recordings.column_store import ColumnStore, ExactRows
+from imuscope.recordings.columns.store import ColumnStore, ExactRows
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.tables.options import TableOptions
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode
 

@@ -16,10 +16,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from imuscope.recordings.download import full_recording
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.file_suffixes import suffixes
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.download import full_recording
+from imuscope.recordings.readers.file_suffixes import suffixes
 from imuscope.recordings.readers.formats import decompressing
 from imuscope.recordings.readers.known_files import FILES
 from tests.each_row import each_row

@@ -14,9 +14,9 @@ import pytest
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.readers.formats import ros2_bag as ros2_bag_reader
 from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES
 from imuscope.recordings.readers.formats.ros2_bag import Ros2Database

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.tables.options import TableOptions
 from imuscope.server.commands.inspect import inspect_file
 from tests.each_row import each_row
 from tests.recordings.readers.binary_tables import BEGIN, COUNT, GYRO, NS, arrow, arrow_stream, mat, npy, npz, parquet

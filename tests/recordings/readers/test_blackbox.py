@@ -14,7 +14,7 @@ import pytest
 
 from imuscope.protocols.native.kernels import plain
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.readers.formats import blackbox_kernel
 from imuscope.recordings.readers.formats.blackbox import Blackbox
 from tests.each_row import each_row

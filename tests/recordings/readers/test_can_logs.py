@@ -14,11 +14,11 @@ import pytest
 from imuscope.protocols.can.lines import LINE, scan
 from imuscope.protocols.framing.stream_buffer import QUANTITIES
 from imuscope.protocols.native.kernels import plain
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.readers.formats.can_kernels import ASC, LOG, TERMINAL, read_lines, write_lines
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tables.options import TableOptions
 from tests.each_row import each_row
 from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage
 from tests.source_files import ROOT

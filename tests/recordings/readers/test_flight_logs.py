@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from tests.each_row import each_row
 from tests.recordings.readers.flight_logs import BOOT_US, COUNT, RATES, UTC_US, _record, dataflash, ulog
 from tests.recordings.readers.opening import damage_of, opened, rows_of, survives_damage

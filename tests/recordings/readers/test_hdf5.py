@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.readers.formats import hdf5
-from imuscope.recordings.recording_probe import RecordingProbe
-from imuscope.recordings.table_options import TableOptions
+from imuscope.recordings.tables.options import TableOptions
 from tests.each_row import each_row
 from tests.recordings.readers.hdf5_files import (
     COUNT,

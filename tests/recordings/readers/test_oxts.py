@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.importers import open_file
+from imuscope.recordings.importers.open_file import open_file
 from imuscope.server.commands.common import readable
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.decode import decode

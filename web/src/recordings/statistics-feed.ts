@@ -1,5 +1,5 @@
 /**
- * Statistics of a window whose samples the page holds only summarised. The server counts them all (recordings/statistics.py); one
+ * Statistics of a window whose samples the page holds only summarised. The server counts them all (recordings/columns/statistics.py); one
  * answer is held, for all channels of the selected device, and is valid for windows that hardly differ from its own.
  */
 import { type MatrixRow, inFrame } from "../data/frames";

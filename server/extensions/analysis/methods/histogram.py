@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from imuscope.recordings.statistics import statistics_of
+from imuscope.recordings.columns.statistics import statistics_of
 from imuscope.server.extensions.analysis.registry import Analysis, AnalysisOption, Result, Settings, register_analysis
 from imuscope.server.extensions.analysis.signals import Floats, Signal
 

@@ -1,9 +1,9 @@
 """Statistics of a signal: mean, spread, extremes, slope, integral, rate and gaps.
 
-An angle that wraps has a circular mean and σ (recordings/statistics.py). It is unwrapped for slope, peak to peak and
-the ends `min` and `max` of the arc that it covers (none if it goes all the way round), and has no rms and no integral.
-`slope` is that of the least-squares line, `integral` by the trapezoidal rule over the sample times, so both hold for
-unevenly spaced samples. Where the clock steps (clock_steps.py) neither goes across.
+An angle that wraps has a circular mean and σ (recordings/columns/statistics.py). It is unwrapped for slope, peak to
+peak and the ends `min` and `max` of the arc that it covers (none if it goes all the way round), and has no rms and no
+integral. `slope` is that of the least-squares line, `integral` by the trapezoidal rule over the sample times, so both
+hold for unevenly spaced samples. Where the clock steps (clock_steps.py) neither goes across.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from imuscope.recordings.statistics import statistics_of
+from imuscope.recordings.columns.statistics import statistics_of
 from imuscope.server.extensions.analysis.registry import Analysis, AnalysisOption, Result, register_analysis
 from imuscope.server.extensions.analysis.signals import Floats, Signal
 

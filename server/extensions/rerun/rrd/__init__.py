@@ -23,7 +23,7 @@ The tree of entities, which is the same for a file and for a live stream:
 and three timelines: `device_time` (the device's clock mapped to the host's; the arrival if a message has none),
 `arrival_time`, and `sample` (the row's number within its channel). Times are whole nanoseconds since 1970.
 
-recordings/entities.py maps channels to entities, recordings/enu.py positions to metres on a plane.
+recordings/exporters/entities.py maps channels to entities, recordings/exporters/enu.py positions to metres on a plane.
 
 Only size_limit.py can be imported without Rerun; the others import it, which takes about a
 second and therefore happens in a subprocess, or on first use.

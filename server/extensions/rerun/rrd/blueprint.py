@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import rerun.blueprint as rrb
 
-from imuscope.recordings.entities import MAP, WORLD, DeviceEntity, Info
+from imuscope.recordings.exporters.entities import MAP, WORLD, DeviceEntity, Info
 from imuscope.server.extensions.rerun.rrd.chunks import DEVICE_TIME, name_of
 
 PLOTS_PER_DEVICE = 4  # plots of a device; the others are one click away in the viewer's own list

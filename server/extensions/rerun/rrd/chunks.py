@@ -17,9 +17,9 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from imuscope.protocols.rotations import quaternion_columns
-from imuscope.recordings.column_store import ExactRows
-from imuscope.recordings.entities import Attitude, Curve, Path, PositionEntity
-from imuscope.recordings.enu import Origin, enu_of, is_place
+from imuscope.recordings.columns.store import ExactRows
+from imuscope.recordings.exporters.entities import Attitude, Curve, Path, PositionEntity
+from imuscope.recordings.exporters.enu import Origin, enu_of, is_place
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]

@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from imuscope.recordings.column_store import ColumnStore
+from imuscope.recordings.columns.store import ColumnStore
 
 WHOLE = 1_000_000
 MAX_ROWS = 4_000_000

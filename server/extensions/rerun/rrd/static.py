@@ -16,7 +16,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from imuscope.recordings.entities import WORLD, Attitude, Curve, DeviceEntity
+from imuscope.recordings.exporters.entities import WORLD, Attitude, Curve, DeviceEntity
 from imuscope.server.extensions.rerun.rrd.chunks import Floats, name_of
 
 AXES = {"x": (208, 60, 40), "y": (20, 132, 92), "z": (40, 98, 214), "w": (120, 92, 168), "": (96, 112, 128)}

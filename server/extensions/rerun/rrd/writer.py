@@ -25,12 +25,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from imuscope.recordings import atomic_write
-from imuscope.recordings.column_store import BLOCK_ROWS, Base, ColumnStore, ExactRows, MinMaxBuckets
-from imuscope.recordings.entities import DeviceEntity, Info, PositionEntity, devices_of
-from imuscope.recordings.enu import Origin, is_place
+from imuscope.recordings.columns.payloads import payloads_of
+from imuscope.recordings.columns.store import BLOCK_ROWS, Base, ColumnStore, ExactRows, MinMaxBuckets
+from imuscope.recordings.exporters.entities import DeviceEntity, Info, PositionEntity, devices_of
+from imuscope.recordings.exporters.enu import Origin, is_place
 from imuscope.recordings.file_names import device_names
-from imuscope.recordings.payloads import payloads_of
+from imuscope.recordings.system import atomic_write
 from imuscope.server.extensions.rerun.rrd import chunks, static
 from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
 from imuscope.server.extensions.rerun.rrd.chunks import LEVELS, Array, Times, nanoseconds, times_of

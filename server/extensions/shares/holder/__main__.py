@@ -13,7 +13,7 @@ import sys
 import syslog
 from collections.abc import Callable
 
-from imuscope.recordings.priority import PERMIT, raise_priority
+from imuscope.recordings.system.priority import PERMIT, raise_priority
 from imuscope.server.end_signals import end_signals
 from imuscope.server.extensions.shares.holder.process import Holder
 from imuscope.server.extensions.shares.holder.settings import HolderSettings

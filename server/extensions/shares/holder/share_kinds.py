@@ -16,7 +16,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 
-from imuscope.recordings import atomic_write
+from imuscope.recordings.system import atomic_write
 from imuscope.server.extensions.shares.holder.clients import Client, UdpClient
 from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError

@@ -1,0 +1,186 @@
+"""Cells of a table as numbers and times, column by column."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.protocols.clocks.dates import UNKNOWN, S, utc_ns
+from imuscope.recordings.tables import hexadecimal
+from imuscope.recordings.tables.clock import TableClock
+from imuscope.recordings.tables.dates import GPS_EPOCH, Order, seconds_of_day, unix_seconds
+
+if TYPE_CHECKING:  # imported where a table is read, so that a server starts sooner
+    import pyarrow as pa
+
+Floats = NDArray[np.float64]
+
+LEAPS = ((1_483_228_800.0, 18.0), (1_435_708_800.0, 17.0), (1_341_100_800.0, 16.0), (1_230_768_000.0, 15.0))
+"""From when on GPS time is ahead of UTC by how much, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Numbers of a column, NaN where there is none, and the rows that hold something else."""
+
+    values: Floats
+    odd: NDArray[np.int64]
+
+
+def numbers(column: pa.Array, decimal: str = ".") -> Cells:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    trimmed = pc.utf8_trim_whitespace(column)
+    if decimal == ",":
+        trimmed = pc.replace_substring(pc.replace_substring(trimmed, ".", ""), ",", ".")
+    filled = pc.if_else(pc.equal(trimmed, ""), None, trimmed)
+    try:
+        values: Floats = pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
+        return Cells(values.astype(np.float64), np.empty(0, np.int64))
+    except pa.ArrowInvalid:
+        matches, odd = np.full(len(filled), np.nan), []
+        for row, text in enumerate(filled.to_pylist()):
+            try:
+                matches[row] = np.nan if text is None else float(text.strip('" '))
+            except ValueError:
+                if (number := hexadecimal.prefixed(text)) is not None:
+                    matches[row] = number
+                else:
+                    odd.append(row)
+        return Cells(matches, np.array(odd, np.int64))
+
+
+def digits(column: pa.Array) -> Cells:
+    """Cells in hexadecimal digits that no clock reads: numbers if they are marked, else texts, of unknown sign."""
+    cells = [(cell or "").strip() for cell in column.to_pylist()]
+    matches = [np.nan if (number := hexadecimal.prefixed(cell)) is None else number for cell in cells]
+    odd = [row for row, cell in enumerate(cells) if cell and matches[row] != matches[row]]
+    return Cells(np.array(matches, np.float64), np.array(odd, np.int64))
+
+
+def hexadecimal_numbers(column: pa.Array) -> Cells:
+    """Cells in hexadecimal digits as numbers."""
+    matches, odd = np.full(len(column), np.nan), []
+    for row, cell in enumerate(column.to_pylist()):
+        text = (cell or "").strip()
+        if text and (number := hexadecimal.number_of(text)) is not None:
+            matches[row] = number
+        elif text:
+            odd.append(row)
+    return Cells(matches, np.array(odd, np.int64))
+
+
+def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".") -> Cells:
+    """Times of a clock, s: since 1970, or since its own zero.
+
+    Args:
+        columns: those of the clock, in its order.
+    """
+    if clock.kind == "rows":
+        raise ValueError("rows have no columns")
+    if clock.part:
+        whole_clock = replace(clock, columns=clock.columns[:-1], factors=clock.factors[:-1], part=0.0)
+        whole = times_of(whole_clock, columns[:-1], decimal)
+        parts = numbers(columns[-1], decimal)
+        return Cells(whole.values + parts.values * clock.part, np.union1d(whole.odd, parts.odd))
+    if clock.kind == "text":
+        texts = _texts(columns[0], clock.order, of_day=clock.epoch in ("day", "start"))
+        return Cells(texts.values - clock.zone, texts.odd)
+    if clock.kind == "date+time":
+        import pyarrow.compute as pc
+
+        texts = _texts(pc.binary_join_element_wise(columns[0], columns[1], " "), clock.order)
+        return Cells(texts.values - clock.zone, texts.odd)
+    if (
+        clock.kind == "number"
+        and clock.factors == (1e-9,)
+        and clock.base == 10
+        and (ns := _integers(columns[0])) is not None
+    ):
+        return Cells(_known(clock, ns // S + ns % S / S), np.empty(0, np.int64))  # more digits than a float64 has
+    cells = [hexadecimal_numbers(one) if clock.base == 16 else numbers(one, decimal) for one in columns]
+    odd = np.unique(np.concatenate([one.odd for one in cells]))
+    if clock.kind == "utc":
+        return Cells(_utc([one.values for one in cells]), odd)
+    values = np.full(len(columns[0]), clock.zero_s)
+    for one, factor in zip(cells, clock.factors, strict=True):
+        values = values + one.values * factor
+    if clock.kind == "week":
+        values = values + GPS_EPOCH
+        values = values - _leap(values)
+    return Cells(_known(clock, values), odd)
+
+
+def _known(clock: TableClock, values: Floats) -> Floats:
+    """Times without zeros where the others are dates: they are of before the clock was set."""
+    is_date = clock.epoch == "1970" and clock.kind in ("number", "parts") and not clock.zero_s
+    return np.where(values == 0, np.nan, values) if is_date else values
+
+
+def _integers(column: pa.Array) -> NDArray[np.int64] | None:
+    """Cells as integers; None if one is something else."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    try:
+        whole = pc.cast(pc.utf8_trim_whitespace(column), pa.int64())
+    except pa.ArrowInvalid:
+        return None
+    return None if whole.null_count else whole.to_numpy(zero_copy_only=False)
+
+
+def _leap(gps: Floats) -> Floats:
+    """Leap seconds by which GPS times are ahead of UTC."""
+    leap = np.full(len(gps), LEAPS[-1][1] - 1)
+    for since, seconds in reversed(LEAPS):
+        leap[gps >= since + seconds] = seconds
+    return leap
+
+
+def leap_seconds(gps: float) -> float:
+    """Seconds by which GPS time, written as a date, is ahead of UTC."""
+    return float(_leap(np.array([gps]))[0])
+
+
+def _utc(parts: Sequence[Floats]) -> Floats:
+    known = np.all(np.isfinite(parts), axis=0)
+    whole = [np.where(known, part, 0).astype(np.int64) for part in parts]
+    second = np.where(known, parts[5], 0.0)
+    ns = whole[6] if len(whole) > 6 else np.round((second - np.floor(second)) * S).astype(np.int64)
+    year, month, day, hour, minute = whole[:5]
+    times = utc_ns(year, month, day, hour, minute, np.floor(second).astype(np.int64), ns, known)
+    return np.where(times == UNKNOWN, np.nan, times / S)
+
+
+def _texts(column: pa.Array, order: Order, *, of_day: bool = False) -> Cells:
+    """Dates and times, or times of day."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    trimmed = pc.utf8_trim_whitespace(column)
+    if not of_day:
+        try:
+            plain = pc.replace_substring_regex(trimmed, "Z$", "")
+            moments = pc.cast(pc.if_else(pc.equal(plain, ""), None, plain), pa.timestamp("ns"))
+            ns = moments.cast(pa.int64()).to_numpy(zero_copy_only=False).astype(np.float64)
+            return Cells(ns / 1e9, np.empty(0, np.int64))
+        except pa.ArrowInvalid:
+            pass
+    matches, odd = np.full(len(trimmed), np.nan), []
+    for row, text in enumerate(trimmed.to_pylist()):
+        if not text:
+            continue
+        seconds = seconds_of_day(text) if of_day else unix_seconds(text, order)
+        if seconds is None:
+            try:
+                seconds = float(text)
+            except ValueError:
+                odd.append(row)
+                continue
+        matches[row] = seconds
+    return Cells(matches, np.array(odd, np.int64))

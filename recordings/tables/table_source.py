@@ -1,0 +1,469 @@
+"""Numbers decoded by other programs: text tables with a time column.
+
+    CSV     time (s),Acceleration.x (m/s²),Acceleration.y (m/s²),Temperature [°C]
+            1760000000.00,0.1,0.2,24.5
+
+    table_format.py      where the table begins, separator, decimal sign
+    table_headings.py    names, units, vectors
+    clock_search.py      the column of times and its unit (clock_dates, clock_weeks, clock_numbers); the others stay
+    clock_steps.py       a first pass over the times: steps, repeats, wraps
+
+Times that are not since 1970 are counted from the date in the file's name, else from when it was last written. A column
+`arrival` beside them is taken as the arrival time. A cell that is not a number is empty, and reported.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.protocols.schema.plural import counted, plural
+from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
+from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables import hexadecimal
+from imuscope.recordings.tables.cells import digits, numbers, times_of
+from imuscope.recordings.tables.clock import TableClock
+from imuscope.recordings.tables.clocks.axis import TimeAxis, order_words, origin_of, step_limits
+from imuscope.recordings.tables.clocks.axis_choice import axis_of_table
+from imuscope.recordings.tables.clocks.sample import TableSample
+from imuscope.recordings.tables.clocks.steps import ClockWatch, periods_of
+from imuscope.recordings.tables.dates import cells_of
+from imuscope.recordings.tables.format import TableFormat, format_of, renamed
+from imuscope.recordings.tables.headings import ColumnHeading, unique
+from imuscope.recordings.tables.line_marks import NO_MARKS, LineMarks
+from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.time_units import SPELLINGS, UNITS
+from imuscope.recordings.tables.unreadable_cells import UnreadableCells
+
+if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
+    import pyarrow as pa
+
+Floats = NDArray[np.float64]
+
+DEVICE = "1"
+SEGMENT = "segment"
+BLOCK_BYTES = 4 << 20
+SORTED_BYTES = 64 << 20  # of a table whose rows are sorted by their times
+NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
+ODD = "\ufffd"
+NO_UTF8 = "Some characters are not UTF-8; they are left out."
+_RETURN, _RETURN_INSIDE = re.compile(r"\r(?!\n)"), re.compile(r"\r(?!\n|\Z)")  # of an old Mac
+_RATE = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
+_INTERVAL = re.compile(r"^\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*(s|sec|seconds|ms|us|µs)\s*$", re.IGNORECASE)
+_INTERVAL_NAME = re.compile(r"^(sampl(e|ing)|data|log(ging)?|measurement)[ _]?(interval|period|time)$|^dt$|^interval$")
+_RATE_NAME = re.compile(
+    r"^((update|output|sampl(e|ing)|data|log(ging)?|measurement)[ _]?)?(rate|frequency|freq)$|^fs$|^odr$"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TableRows:
+    """Rows of one table: (n,) each; a missing number is NaN.
+
+    Args:
+        table: its name.
+        time, arrival: unix s; time NaN if unknown.
+        columns: by heading, (values, unit). The headings are the same in every block of a table.
+        done: share of the file read, 0..1.
+        frames: of the columns that have one, by heading.
+        segment: number of the segment of the clock, where the file says it.
+    """
+
+    table: str
+    time: Floats
+    arrival: Floats
+    columns: Mapping[str, tuple[Floats, str]]
+    done: float
+    frames: Mapping[str, str] = field(default_factory=dict)
+    segment: Floats | None = None
+
+
+class TableSource:
+    """A file of numbers, without bytes of a device. As recordings/sources.Source, with `rows` in place of parts.
+
+    Attributes:
+        axis: the clock behind the times; None if the format says it.
+        members: the tables of an archive.
+    """
+
+    timed = True
+    axis: TimeAxis | None = None
+    members: Sequence[TableSource] = ()
+
+    def __init__(self, path: Path, format: str) -> None:
+        self.path, self.format = path, format
+        self.header: Mapping[str, str] = {}
+        self.devices = {DEVICE: SourceDevice(DEVICE, "", {"source": path.name, "name": path.stem})}
+        self.damage: list[FileDamage] = []
+
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
+        """Nothing: the file has no bytes of a device."""
+        return iter(())
+
+    def metadata(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """Metadata stored beside the numbers: none."""
+        return iter(())
+
+    def rows(self) -> Iterator[TableRows]:
+        """All rows, in blocks of each table."""
+        raise NotImplementedError
+
+    def last(self) -> float:
+        """Time of the last row, as far as known before all are read, unix s; 0 if unknown."""
+        return 0.0
+
+    def unreadable(self) -> str:
+        """A sentence on unreadable cells, by column and row; "" if there are none."""
+        return ""
+
+    def texts(self) -> Mapping[str, str]:
+        """The first text of each column that has nothing but texts."""
+        return {}
+
+
+class CsvSource(TableSource):
+    """One text table.
+
+    Args:
+        options: information from the user.
+
+    Attributes:
+        form: separator, decimal sign, headings and first rows.
+        headings, names: of the columns, as renamed by the user; unique names.
+        left_out: columns that the user leaves out.
+        arrival_column: that of the arrival times; None without one.
+        refusal: why the rows cannot be read; None if they can.
+
+    Raises:
+        RecordingError: it has no column of times. A unit that is open is an error when the rows are read.
+    """
+
+    def __init__(self, path: Path, options: TableOptions | None = None) -> None:
+        super().__init__(path, "csv")
+        self._options = options = options or TableOptions()
+        self.form = self._form_of_file()
+        texts, self.left_out = renamed(path.name, self.form, options)
+        self.headings = [ColumnHeading.of(text) for text in texts]
+        by_name = {one.name.lower(): i for i, one in reversed([*enumerate(self.headings)])}
+        if {"time", "arrival"} <= by_name.keys() and not any(row[by_name["time"]] for row in self.form.sample):
+            pair = by_name["time"], by_name["arrival"]  # of a message without a clock: the arrival is its time
+            self.headings[pair[0]], self.headings[pair[1]] = self.headings[pair[1]], self.headings[pair[0]]
+        self.names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self.headings)])
+        self.refusal: RecordingError | None = None
+        self._unreadable = UnreadableCells(lambda i: self.headings[i].text or self.names[i])
+        self._timeless = 0  # rows with numbers but without a time
+        cells = (cells_of(self.form.sample, i) for i in range(len(self.headings)))
+        self._hexadecimal = {i for i, some in enumerate(cells) if hexadecimal.are_hexadecimal(some)}
+        self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
+        names = [one.text for one in self.headings]  # a column of this name beside the arrival is that of our exports
+        self._segment = names.index(SEGMENT) if self.arrival_column is not None and SEGMENT in names else None
+        newest = path.stat().st_mtime + NOW_S
+        rate = options.rate or _head_rate(self.form)
+        head = TableSample(path.name, self.form, self.headings, options, newest, rate)
+        try:
+            clock, others = axis_of_table(head)
+        except RecordingError as error:
+            if "no column of times" in error.message:
+                raise
+            self.refusal = error
+            return
+        sample = self._sample_times(clock)
+        usual, ahead = step_limits(sample)
+        if clock.kind == "rows":
+            usual = clock.factors[0]
+        first = float(sample[0]) if len(sample) else 0.0
+        origin, dated_by = origin_of(clock, first, self.form, path)
+        dates = next((one for one in others if one.epoch in ("1970", "GPS") and len(self._sample_times(one))), None)
+        if dated_by and clock.epoch == "start" and dates is not None:
+            origin, dated_by = float(self._sample_times(dates)[0]) - first, dates.name
+        self.axis = TimeAxis(
+            clock,
+            others,
+            origin,
+            dated_by,
+            usual,
+            _head_rate(self.form),
+            self.form.decimal,
+            {one.name: self.option_of(one) for one in (clock, *others) if one.columns},
+        )
+        self._ahead = ahead
+        self.axis.order = order_words(sample) if path.stat().st_size <= SORTED_BYTES else ""
+        self.timed = not dated_by
+
+    def option_of(self, clock: TableClock) -> str:
+        """The time column that stands for a clock: the heading of its first column, or its number from 1."""
+        column = clock.columns[0]
+        texts = [one.text for one in self.headings]
+        return texts[column] if texts.count(texts[column]) == 1 and texts[column] else str(column + 1)
+
+    def _form_of_file(self) -> TableFormat:
+        return format_of(self.path, may_be_narrow=self._options.rate > 0)
+
+    def _sample_times(self, clock: TableClock) -> Floats:
+        if clock.kind == "rows":
+            return np.arange(len(self.form.sample), dtype=np.float64) * clock.factors[0]
+        import pyarrow as pa
+
+        columns = [pa.array([row[column] for row in self.form.sample], pa.string()) for column in clock.columns]
+        values = times_of(clock, columns, self.form.decimal).values
+        return values[np.isfinite(values)]
+
+    # -- reading -------------------------------------------------------------------------------------------------------
+
+    def rows(self) -> Iterator[TableRows]:
+        axis = self._checked_axis()
+        odd: list[Any] = []
+        self._unreadable.clear()
+        self._timeless = 0
+        size, done = max(self.path.stat().st_size, 1), 0
+        parsed = known = 0
+        held: list[TableRows] = []
+        try:
+            for batch in self._batches(self.names, odd):
+                done += batch.nbytes
+                rows, count = self._converted(batch, axis, parsed, known, min(done / size, 1.0))
+                parsed, known = parsed + count, known + len(rows.time)
+                if axis.order:
+                    held.append(rows)
+                else:
+                    yield rows
+            if held:
+                yield _sorted(held)
+        finally:
+            self._report(odd)
+
+    def last(self) -> float:
+        axis = self._checked_axis()
+        watch = axis.watch
+        return axis.at(watch.rows - 1, watch.final) if watch is not None and watch.rows else 0.0
+
+    def _checked_axis(self) -> TimeAxis:
+        """The axis, after the first pass over its times.
+
+        Raises:
+            RecordingError: the unit is open, all times are equal, or none can be read.
+        """
+        if self.refusal is not None:
+            raise self.refusal
+        assert self.axis is not None
+        if self.axis.watch is None:
+            self.axis.watch = self._watched(self.axis)
+        return self.axis
+
+    def _watched(self, axis: TimeAxis) -> ClockWatch:
+        clock = axis.clock
+        factor = clock.factors[-1] if clock.factors else 1.0
+        watch = ClockWatch(axis.usual_s, self._ahead, periods_of(factor, clock.kind, clock.epoch))
+        if clock.kind == "rows":
+            return watch
+        names = [self.names[column] for column in clock.columns]
+        first_odd, held = "", list[Floats]()
+        for batch in self._batches(names, [], list[FileDamage]()):
+            columns = [batch.column(i) for i in range(len(names))]
+            cells = times_of(clock, columns, self.form.decimal)
+            if len(cells.odd) and not first_odd:
+                row = int(cells.odd[0])
+                first_odd = " ".join(str(column[row].as_py()) for column in columns)
+            times = cells.values[np.isfinite(cells.values)]
+            held += [times] if axis.order else []
+            watch.feed(times if not axis.order else times[:0])
+        if held:
+            watch.feed(np.sort(np.concatenate(held)))
+        watch.end()
+        if not watch.rows and first_odd:
+            hint = "Name its times: --time-column, or --rate for a table without any."
+            raise RecordingError(f"{self.path.name}: {axis.name} cannot be read, first {first_odd!r:.80}.", hint)
+        if watch.is_constant:
+            words = f"{self.path.name}: all {counted(watch.rows, 'row')} have the same time in {axis.name}."
+            raise RecordingError(words, "Name another column with --time-column, or the sampling rate with --rate.")
+        return watch
+
+    def _batches(
+        self, names: Sequence[str], odd: list[Any], damage: list[FileDamage] | None = None
+    ) -> Iterator[pa.RecordBatch]:
+        """Columns of the table as text."""
+        import pyarrow as pa
+        import pyarrow.csv
+
+        noted = self.damage if damage is None else damage
+
+        def skip(row: Any) -> str:
+            odd.append(row)
+            return "skip"
+
+        reading = pa.csv.ReadOptions(
+            block_size=BLOCK_BYTES, skip_rows=self.form.skip, column_names=self.names, use_threads=False
+        )
+        parsing = pa.csv.ParseOptions(
+            delimiter=self.form.separator, invalid_row_handler=skip, newlines_in_values=self.form.has_lines
+        )
+        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(self.names, pa.string()), include_columns=list(names))
+        try:
+            with (
+                open_regular(self.path) as file,
+                pa.csv.open_csv(
+                    Utf8(file, noted, self.form.marks, squeeze=self.form.separator == " "), reading, parsing, types
+                ) as reader,
+            ):
+                yield from reader
+        except pa.ArrowInvalid as error:
+            if self.form.sample:
+                words = f"Not a table from some line on: {str(error).splitlines()[0][:200]}"
+                noted.append(FileDamage(-1, words))
+
+    def _converted(
+        self, batch: pa.RecordBatch, axis: TimeAxis, parsed: int, known_before: int, done: float
+    ) -> tuple[TableRows, int]:
+        """Rows of a batch, and how many it had."""
+        clock, decimal = axis.clock, self.form.decimal
+        if clock.kind == "rows":
+            raw = np.arange(parsed, parsed + len(batch)) * clock.factors[0]
+        else:
+            cells = times_of(clock, [batch.column(column) for column in clock.columns], decimal)
+            raw = cells.values
+            for column in clock.columns[:1]:
+                self._unreadable.note(column, batch.column(column), cells, parsed)
+        known = np.isfinite(raw)
+        is_filled = np.zeros(np.count_nonzero(~known), np.bool_)
+        columns: dict[str, tuple[Floats, str]] = {}
+        for i, (name, heading) in enumerate(zip(self.names, self.headings, strict=True)):
+            if i in (*clock.columns, self.arrival_column, self._segment) or i in self.left_out:
+                continue
+            of_clock = next(
+                (one for one in axis.others if one.kind in ("text", "date+time") and i in one.columns), None
+            )
+            if of_clock is not None:
+                if i == of_clock.columns[0]:
+                    others = [batch.column(column) for column in of_clock.columns]
+                    columns[of_clock.name] = (times_of(of_clock, others, decimal).values[known], "s")
+                continue
+            matches = digits(batch.column(i)) if i in self._hexadecimal else numbers(batch.column(i), decimal)
+            self._unreadable.note(i, batch.column(i), matches, parsed)
+            columns[name] = (matches.values[known], heading.unit)
+            is_filled |= np.isfinite(matches.values[~known])
+        self._timeless += int(np.count_nonzero(is_filled))
+        if axis.keeps_clock:
+            columns[f"{axis.name} (clock)" if axis.name in columns else axis.name] = (raw[known], "s")
+        time = axis.times(raw[known], known_before)
+        arrival = time
+        if self.arrival_column is not None:
+            arrival = self._arrivals(batch.column(self.arrival_column), axis)[known]
+            arrival = np.where(np.isnan(arrival), time, arrival)
+        frames = {name: one.frame for name, one in zip(self.names, self.headings, strict=True) if one.frame}
+        segment = None if self._segment is None else numbers(batch.column(self._segment), decimal).values[known]
+        return TableRows(self.path.stem, time, arrival, columns, done, frames, segment), len(batch)
+
+    def _arrivals(self, column: pa.Array, axis: TimeAxis) -> Floats:
+        assert self.arrival_column is not None
+        unit = SPELLINGS.get(self.headings[self.arrival_column].unit.lower(), "")
+        factor = UNITS[unit] if unit else axis.clock.factors[-1] if axis.clock.kind == "number" else 1.0
+        return numbers(column, self.form.decimal).values * factor + axis.origin
+
+    # -- what cannot be read -------------------------------------------------------------------------------------------
+
+    def _report(self, odd: Sequence[Any]) -> None:
+        if odd:
+            lines = f"{counted(len(odd), 'line does', 'lines do')} not have {counted(len(self.names), 'field')}"
+            self.damage.append(FileDamage(-1, f"{lines} and {plural(len(odd), 'was', 'were')} skipped."))
+        if self.form.unused:
+            there = f"The heading has {self.form.columns + self.form.unused} names, the rows {self.form.columns} cells"
+            self.damage.append(FileDamage(-1, f"{there}: the first names are taken."))
+        if self._timeless and self.axis is not None:
+            rows = counted(self._timeless, "row has no time and is", "rows have no time and are")
+            self.damage.append(FileDamage(-1, f"{rows} left out ({self.axis.name})."))
+        if words := self.unreadable():
+            self.damage.append(FileDamage(-1, words))
+        if words := self._unreadable.rounded():
+            self.damage.append(remark(words))
+
+    def unreadable(self) -> str:
+        """A sentence on unreadable cells, by column and row; "" if there are none."""
+        return self._unreadable.sentence(self.axis.clock.columns if self.axis is not None else ())
+
+    def texts(self) -> Mapping[str, str]:
+        return {self.names[i]: text for i, text in self._unreadable.texts().items()}
+
+
+def _sorted(blocks: Sequence[TableRows]) -> TableRows:
+    """The rows of all blocks as one, by their times."""
+    last = blocks[-1]
+    order = np.argsort(np.concatenate([one.time for one in blocks]), kind="stable")
+
+    def joined(pieces: Sequence[Floats]) -> Floats:
+        values: Floats = np.concatenate(pieces)[order]
+        return values
+
+    columns = {name: (joined([one.columns[name][0] for one in blocks]), last.columns[name][1]) for name in last.columns}
+    segment = None if last.segment is None else joined([one.segment for one in blocks if one.segment is not None])
+    time, arrival = joined([one.time for one in blocks]), joined([one.arrival for one in blocks])
+    return replace(last, time=time, arrival=arrival, columns=columns, segment=segment)
+
+
+def is_rate_name(name: str) -> bool:
+    """Whether a value with this name in lower case is a sampling rate."""
+    return _RATE_NAME.match(name) is not None
+
+
+def _head_rate(form: TableFormat) -> float:
+    """Sampling rate in the head of a file, Hz; 0 without one."""
+    for name, text in form.metadata.items():
+        match = _RATE.match(text) if _RATE_NAME.match(name) else None
+        if match is not None and (number := float(match[1])) > 0:
+            return 1000 / number if match[2] == "ms" else number
+        match = _INTERVAL.match(text) if _INTERVAL_NAME.match(name) else None
+        if match is not None and (number := float(match[1])) > 0:
+            return 1 / (number * UNITS[SPELLINGS[match[2].lower()]])
+    return 0.0
+
+
+class Utf8(io.RawIOBase):
+    """A file as UTF-8, whatever its bytes: invalid ones are replaced, and reported once.
+
+    Args:
+        marks: to be left out of the lines.
+        squeeze: make one blank of several, and none at the beginning of a line.
+    """
+
+    def __init__(
+        self, file: BinaryIO, damage: list[FileDamage], marks: LineMarks = NO_MARKS, *, squeeze: bool = False
+    ) -> None:
+        self._file = file
+        self._marks = marks
+        self._damage = damage
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+        self._squeeze = squeeze
+        self._held = ""
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        while data := self._file.read(size):
+            if text := self._squeezed(self._decoder.decode(data)):
+                return self._report(text)
+        return self._report(self._squeezed(self._decoder.decode(b"", True), end=True))
+
+    def _squeezed(self, text: str, *, end: bool = False) -> str:
+        if not self._squeeze and not self._marks:
+            return text
+        text = _RETURN.sub("\n", self._held + text) if end else _RETURN_INSIDE.sub("\n", self._held + text)
+        cut = len(text) if end else text.rfind("\n") + 1
+        self._held = text[cut:]
+        lines = self._marks.removed(text[:cut])
+        if not self._squeeze:
+            return lines
+        return re.sub(r"[ \t]+(?=\r?$)|^[ \t]+", "", re.sub(r"[ \t]+", " ", lines), flags=re.MULTILINE)
+
+    def _report(self, text: str) -> bytes:
+        if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):
+            self._damage.append(FileDamage(-1, NO_UTF8))
+        return text.encode()
