@@ -173,7 +173,7 @@ class Server:
         )
 
     def _batches(self, data: bytes, names: tuple[str, ...]) -> Iterator[Batch]:
-        from imuscope.server.wire_codec import decode_samples
+        from imuscope.server.wire.codec import decode_samples
 
         for frame in decode_samples(data, {number: one.dtypes for number, one in self._signals.items()}):
             signal = self._signals[frame.channel]

@@ -95,10 +95,6 @@ from imuscope.recordings.tables.table_source import TableSource as TableSource
 # Extensions of the server.
 from imuscope.server.api.dependencies import TheServices as TheServices
 from imuscope.server.diagnostics.checks import Finding as Finding
-from imuscope.server.extension import Extension as Extension
-from imuscope.server.extension import ExtensionCommand as ExtensionCommand
-from imuscope.server.extension import FileOutput as FileOutput
-from imuscope.server.extension_settings import ExtensionSettings as ExtensionSettings
 from imuscope.server.extensions.analysis.registry import Analysis as Analysis
 from imuscope.server.extensions.analysis.registry import AnalysisOption as AnalysisOption
 from imuscope.server.extensions.analysis.registry import Result as Result
@@ -117,5 +113,9 @@ from imuscope.server.links.registry import LinkDefinition as LinkDefinition
 from imuscope.server.links.registry import link_kinds as link_kinds
 from imuscope.server.links.registry import register_link as register_link
 from imuscope.server.links.source_url import SourceUrl as SourceUrl
-from imuscope.server.parts import ServicePart as ServicePart
-from imuscope.server.services import Services as Services
+from imuscope.server.services.extension import Extension as Extension
+from imuscope.server.services.extension import ExtensionCommand as ExtensionCommand
+from imuscope.server.services.extension import FileOutput as FileOutput
+from imuscope.server.services.parts import ServicePart as ServicePart
+from imuscope.server.services.services import Services as Services
+from imuscope.server.settings.extension_settings import ExtensionSettings as ExtensionSettings

@@ -34,12 +34,12 @@ from imuscope.server.commands.common import (
     size_of,
     warn_if_interpreted,
 )
-from imuscope.server.config import ConfigError, load
 from imuscope.server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
-from imuscope.server.end_signals import ending_by_exception
 from imuscope.server.errors import UsageError
-from imuscope.server.extension import extension_commands
-from imuscope.server.printable import printable
+from imuscope.server.services.extension import extension_commands
+from imuscope.server.settings.config import ConfigError, load
+from imuscope.server.system.end_signals import ending_by_exception
+from imuscope.server.text.printable import printable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -238,8 +238,8 @@ def _replay(options: argparse.Namespace) -> None:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
     warn_if_interpreted(size_of(Path(options.file)))
     from imuscope.recordings.importers.open_file import open_file
-    from imuscope.server import logging_setup
     from imuscope.server.commands import replay
+    from imuscope.server.settings import logging_setup
 
     for name in given_options(options):
         logging_setup.print_or_log(f"imuscope: --{name.replace('_', '-')} is not needed: the bytes are sent unchanged.")

@@ -1,75 +1,42 @@
-"""Pictures in docs/architecture.md: parts of the server from their imports, states of a connection from their table.
+"""Pictures in docs/architecture.md: rooms from their tables (tests/rooms.py), states of a connection from their table.
 
     python -m tests.architecture_pictures              write them
     python -m tests.architecture_pictures --check      exit status 1 when one is stale
 
-A picture stands between two comments, as text of Mermaid. An arrow that follows from two others is left out.
+A picture stands between two comments, as text of Mermaid.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Set
-from graphlib import TopologicalSorter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from imuscope.server.devices.connection_state import TRANSITIONS, ConnectionEvent
-from imuscope.server.extension import extensions
-from tests.source_files import ROOT, facts_of, python_files
+from imuscope.server.services.extension import extensions
+from tests.rooms import HOUSES, table_of
+from tests.source_files import ROOT
 
 DOCUMENT = ROOT / "docs" / "architecture.md"
 BEGIN, END = "<!-- picture: {}; python -m tests.architecture_pictures -->\n\n", "\n<!-- end of the picture -->"
-SHOWN_FILES = {"app", "services", "cli"}  # of server/ itself; of the others only what they lead to is shown
-Graph = Mapping[str, Set[str]]
 
 
-def imports() -> Graph:
-    """Parts of server/ and what each imports of it, directly."""
-    found: dict[str, set[str]] = {}
-    for path in python_files("server"):
-        part = path.relative_to(ROOT / "server").with_suffix("").parts[0]
-        if part in ("__init__", "extensions"):
-            continue
-        modules = (module.split(".") for _, module in facts_of(path).imports)
-        others = {module[1] for module in modules if module[0] == "server" and len(module) > 1}
-        found.setdefault(part, set()).update(others - {part, "extensions"})
-    return {part: others & found.keys() for part, others in found.items()}
+def rooms(folders: Sequence[str]) -> Iterator[str]:
+    """Subgraphs of folders with the rows of their tables."""
+    for folder in folders:
+        yield f"    subgraph {folder}"
+        for part, names in table_of(folder).items():
+            yield f'        {folder}_{part}["{part}"]'
+            yield from (f"        {folder}_{part} --> {folder}_{other}" for other in sorted(names))
+        yield "    end"
 
 
-def reach(graph: Graph) -> Graph:
-    """For each part everything that it leads to.
-
-    Raises:
-        graphlib.CycleError: the imports have a circle.
-    """
-    reached: dict[str, set[str]] = {}
-    for part in TopologicalSorter(graph).static_order():
-        reached[part] = set(graph[part]).union(*(reached[other] for other in graph[part]))
-    return reached
-
-
-def reduced(graph: Graph, shown: Set[str]) -> Iterator[tuple[str, str]]:
-    """The arrows between shown parts that do not follow from two others."""
-    reached = reach(graph)
-    for part in sorted(shown):
-        targets = reached[part] & shown
-        through = set[str]().union(*(reached[other] for other in targets))
-        yield from ((part, other) for other in sorted(targets - through))
-
-
-def parts() -> str:
-    """Folders of server/, extensions, and the two packages below."""
-    graph = imports()
-    used = set[str]().union(*graph.values())
-    folders = {part for part in graph if (ROOT / "server" / part).is_dir() and (graph[part] or part in used)}
-    shown = folders | (SHOWN_FILES & graph.keys())
+def python_rooms() -> str:
+    """Parts of the three packages, and the extensions."""
     lines = ["flowchart TD", "    subgraph extensions"]
     lines += [f"        {one.name}" for one in extensions()]
     lines += [f"        {one.name} --> {other}" for one in extensions() for other in one.requires]
-    lines += ["    end", "    subgraph server"]
-    lines += [f"        {part}" for part in sorted(shown)]
-    lines += [f"        {part} --> {other}" for part, other in reduced(graph, shown)]
-    lines += ["    end", "    extensions --> server --> recordings --> protocols"]
+    lines += ["    end", *rooms(HOUSES), "    extensions --> server --> recordings --> protocols"]
     return "\n".join(lines)
 
 
@@ -87,7 +54,7 @@ def connection() -> str:
     return "\n".join(lines)
 
 
-PICTURES: Mapping[str, Callable[[], str]] = {"parts of the server": parts, "states of a connection": connection}
+PICTURES: Mapping[str, Callable[[], str]] = {"rooms of the program": python_rooms, "states of a connection": connection}
 
 
 def with_pictures(document: str) -> str:

@@ -150,7 +150,7 @@ def patient_shutdown() -> Iterator[None]:
     found as a leaked process by a later test.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("imuscope.server.shutdown.PART_S", PATIENCE_S)
+        patch.setattr("imuscope.server.http.shutdown.PART_S", PATIENCE_S)
         yield
 
 
@@ -196,7 +196,7 @@ def links() -> FakeLinks:
 @pytest.fixture
 def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
     """A server in this process with two devices, into whose links a test sends."""
-    from imuscope.server.config import Config
+    from imuscope.server.settings.config import Config
     from tests.server.in_process_server import InProcessServer
 
     with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:

@@ -207,9 +207,9 @@ def _learn_to_serve() -> None:
     for name in WORKERS:
         with contextlib.suppress(ModuleNotFoundError):  # an installation without the packages of an extension
             importlib.import_module(name)
-    importlib.import_module("imuscope.server.extension").extension_problems()
+    importlib.import_module("imuscope.server.services.extension").extension_problems()
     importlib.import_module("imuscope.server.links.registry").link_kinds()
-    own = [one for one in importlib.import_module("imuscope.server.extension").extensions() if not one.package]
+    own = [one for one in importlib.import_module("imuscope.server.services.extension").extensions() if not one.package]
     _learn(*LEARNT, *(name for one in own for name in (one.parts, *one.routes) if name))
 
 

@@ -1,4 +1,4 @@
-"""Worker processes of servers (server/workers.py), forked by the nursery of the tests instead of started.
+"""Worker processes of servers (server/system/workers.py), forked by the nursery of the tests instead of started.
 
 Such a process takes a second to import what it needs, and works for some hundredths of one. Every server of the tests
 gets its workers so: one in the test's process, and one that the nursery forked. Modules that the nursery does not know,
@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 from tests.fork_server import Child, ForkServer
 from tests.nursery_modules import HEAVY, WORKERS, worker_name
 

@@ -12,7 +12,7 @@ def _is_there(module: str) -> bool:
 
 LEARNT = (
     *(
-        "imuscope.server.app",
+        "imuscope.server.app.build",
         "imuscope.server.commands.serve",
         "imuscope.server.links.simulator",
         "imuscope.protocols.simulator.trajectory",
@@ -23,11 +23,11 @@ LEARNT = (
 )
 WORKERS = (
     *(
-        "imuscope.server.decode_worker",
+        "imuscope.server.library.decode_worker",
         "imuscope.server.library.export_worker",
         "imuscope.server.library.export_sizes",
         "imuscope.server.library.file_worker",
-        "imuscope.server.played_file_worker",
+        "imuscope.server.library.played_file_worker",
     ),
     *filter(
         _is_there,

@@ -1,7 +1,4 @@
-"""Architecture rules: direction of imports, length of files, forbidden contents.
-
-    web → (wire) → server → recordings → protocols        never back
-    within server: the arrows of SERVER, each to a row above its own
+"""Architecture rules: what exists once, length of files, forbidden contents. Rooms and arrows: test_rooms.py.
 
 Read from the sources themselves (with `ast`, without importing), so a broken arrow fails here with file and line.
 """
@@ -27,129 +24,19 @@ from imuscope.server.reference.blocks import anchor
 from tests import architecture_pictures
 from tests.browser.guide_pictures import FOLDER, MAX_BYTES, MOVING_MAX_BYTES, PAINTERS
 from tests.each_row import each_row
+from tests.rooms import HOUSES
 from tests.source_files import ROOT, facts_of, python_files, text_of, tree_of
-
-HOUSES = ("protocols", "recordings", "server")
-KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, "server": set(HOUSES)}
-
-# What each part of the server may import of it, besides COMMON; a part is a folder, or a file of server/ itself. Rows
-# name only rows above them, so that no circle can be drawn. Imports within functions and for types count too.
-COMMON = {
-    *("backoff", "capabilities", "errors", "heartbeat", "limiters", "listeners", "previous_names", "printable"),
-    *(
-        "end_signals",
-        "processes",
-        "prometheus_text",
-        "read_kernel",
-        "rate_meter",
-        "route_rules",
-        "tasks",
-        "terminals",
-        "version",
-        "wire",
-        "worker_process",
-        "workers",
-    ),
-}
-SERVER: dict[str, set[str]] = {
-    **{part: set() for part in sorted(COMMON)},
-    "wire": {"capabilities"},
-    "wire_codec": set(),
-    "page_files": set(),
-    "security_headers": set(),
-    "shutdown": set(),
-    "connections": set(),
-    "timings": set(),
-    "workspaces": set(),
-    "fair_queue": set(),
-    "fork_server": set(),
-    **{part: set() for part in ("logging_setup", "setting_types", "extension_settings")},
-    "handshakes": {"connections"},
-    "links": set(),
-    "diagnostics": set(),
-    "capability_list": {"links"},
-    "streaming": {"wire_codec"},
-    "devices": {"wire_codec", "links", "streaming"},
-    "config": {"extension_settings", "logging_setup", "devices", "setting_types"},
-    "tls": {"config"},
-    "login_throttle": {"config"},
-    "auth": {"config", "login_throttle", "security_headers"},
-    "rate_limit": {"auth", "login_throttle"},
-    "metrics": {"devices", "streaming"},
-    "configuration": {"wire_codec", "links", "streaming", "devices"},
-    "library": {
-        *("wire_codec", "fair_queue", "fork_server", "links", "streaming", "devices", "config", "configuration"),
-    },
-    "decode_worker": {"devices", "library"},
-    "played_file_worker": set(),
-    "integrations": {"wire_codec", "streaming", "config", "auth"},
-    "reference": {"configuration", "library"},
-    "http_server": {"config", "connections", "handshakes", "shutdown", "tls"},
-    "parts": set(),
-    "services": {
-        "parts",
-        *(
-            "auth",
-            "capability_list",
-            "config",
-            "configuration",
-            "devices",
-            "integrations",
-            "library",
-            "links",
-        ),
-        *("metrics", "page_files", "reference", "shutdown", "streaming", "timings", "workspaces"),
-    },
-    "extension": {"config", "diagnostics", "extension_settings", "parts", "services"},
-    "api": {
-        *("auth", "extension", "configuration", "devices", "http_server"),
-        *(
-            "integrations",
-            "library",
-            "links",
-            "login_throttle",
-            "metrics",
-            "page_files",
-            "reference",
-            "services",
-            "streaming",
-            "wire_codec",
-            "workspaces",
-        ),
-    },
-    "application": {"api", "auth", "extension", "previous_names", "rate_limit", "security_headers", "services"},
-    "app": {
-        *("application", "auth", "config", "devices", "extension", "links", "page_files", "services", "timings"),
-    },
-    "commands": {
-        *("app", "auth", "config", "configuration", "devices", "diagnostics"),
-        *("extension", "extension_settings"),
-        *(
-            "http_server",
-            "library",
-            "links",
-            "logging_setup",
-            "login_throttle",
-            "streaming",
-        ),
-    },
-    "cli": {"commands", "config", "devices", "diagnostics", "extension", "links", "logging_setup"},
-    "generated_files": {"app", "application", "auth", "config"},
-    "generate_docs": {"config", "generated_files", "reference"},
-    "generate_route_types": {"generated_files"},
-    "generate_ts_types": {"generate_route_types", "generated_files", "reference"},
-}
-SERVER["extensions"] = set(SERVER)  # one imports of another what it requires: test_without_extensions.py
 
 # Mechanisms that exist once: the file, and a pattern of further implementations.
 ONE_PLACE = {
     "recordings/system/atomic_write.py": r"\bos\.replace\(|\baside\.replace\(",
-    "server/workers.py": r"create_subprocess_|\bmultiprocessing\b|\bsubprocess\.(Popen|run|call|check_\w+)\(",
-    "server/limiters.py": r"[+] \(?(now|\w+\.monotonic\(\)) - [\w.]+\)? \* [\w.]*(rate|per_s)|, now - \w*BURST",
+    "server/system/workers.py": r"create_subprocess_|\bmultiprocessing\b|\bsubprocess\.(Popen|run|call|check_\w+)\(",
+    "server/concurrency/limiters.py": r"[+] \(?(now|\w+\.monotonic\(\)) - [\w.]+\)? \* [\w.]*(rate|per_s)|"
+    r", now - \w*BURST",
     # a product of quaternions, a rotation matrix, ZYX angles to a quaternion and back
     "protocols/rotations.py": r"\b\w+ \* \w+ - \w+ \* \w+ - \w+ \* \w+ - |\b1 - (2|s) \* \(?\w+ ?(\*|\*\*)|"
     r"\bc\w* \* [cs]\w* \* [cs]\w*\b [+-]|spatial\.transform|arcsin\(np\.clip\(",
-    "server/backoff.py": r"min\(2 \* \w*(\.\w*)?(pause|retry|again|next)",
+    "server/concurrency/backoff.py": r"min\(2 \* \w*(\.\w*)?(pause|retry|again|next)",
 }
 
 # Files that start processes without the worker, and why.
@@ -289,31 +176,6 @@ def code_of_page(pattern: re.Pattern[str]) -> list[str]:
     ]
 
 
-@each_row("house", HOUSES)
-def test_arrows_point_one_way(house: str) -> None:
-    wrong = [
-        f"{path.relative_to(ROOT)}:{line} imports {module}"
-        for path in python_files(house)
-        for line, module in facts_of(path).imports
-        if (top := module.split(".")[0]) in {*HOUSES, "web", "tests"} and top not in KNOWS[house]
-    ]
-    assert not wrong, "\n".join(wrong)
-
-
-def test_arrows_within_the_server_point_one_way() -> None:
-    parts = list(SERVER)
-    upward = [f"{one} → {other}" for one in parts for other in SERVER[one] if parts.index(other) >= parts.index(one)]
-    assert not upward, "rows that name a row below: " + ", ".join(upward)
-    wrong = []
-    for path in python_files("server"):
-        part = path.relative_to(ROOT / "server").with_suffix("").parts[0]
-        allowed = {part, *SERVER.get(part, ()), *(() if part in COMMON else COMMON)}
-        for line, module in facts_of(path).imports:
-            if module.startswith("server.") and module.split(".")[1] not in allowed:
-                wrong.append(f"{path.relative_to(ROOT)}:{line} imports {module}")
-    assert not wrong, "\n".join(wrong)
-
-
 def test_tests_import_from_helper_modules_only() -> None:
     """Shared helpers are in helper modules; browser tests, which share page sizes, are exempt."""
     wrong = [
@@ -333,7 +195,7 @@ def test_each_mechanism_is_in_one_place(place: str) -> None:
         f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
         for path in python_files(*HOUSES)
         if path.relative_to(ROOT).as_posix()
-        not in ({place, *STARTS_A_PROCESS} if place == "server/workers.py" else {place})
+        not in ({place, *STARTS_A_PROCESS} if place == "server/system/workers.py" else {place})
         for number, line in enumerate(text_of(path).splitlines(), 1)
         if pattern.search(line)
     ]

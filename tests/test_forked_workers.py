@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 from tests import fork_server
 from tests.timeouts import PATIENCE_S
 

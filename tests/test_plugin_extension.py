@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Page
 
 from imuscope.protocols.family.plugins import ProtocolPlugin
-from imuscope.server.extension import GROUP, load_extensions
+from imuscope.server.services.extension import GROUP, load_extensions
 from tests import fork_server
 from tests.chromium import until
 from tests.fork_server import ForkServer

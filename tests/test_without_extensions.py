@@ -18,9 +18,9 @@ from urllib.parse import urlsplit
 import pytest
 
 from imuscope.protocols.family.plugins import plugins_of, protocol_plugins
-from imuscope.server.extension import extensions
-from imuscope.server.extension_settings import GROUP, SHIPPED, extension_settings
-from imuscope.server.services import Services
+from imuscope.server.services.extension import extensions
+from imuscope.server.services.services import Services
+from imuscope.server.settings.extension_settings import GROUP, SHIPPED, extension_settings
 from tests.each_row import each_row
 from tests.left_out import groups_to_leave_out
 from tests.server_process import tied
@@ -246,7 +246,7 @@ def test_the_heart_stays_small() -> None:
     lines = sum(len(text_of(path).splitlines()) for path in heart)
     assert lines <= MOST_LINES
     assert len(fields(Services)) <= MOST_SERVICES
-    named = {ROOT.joinpath(*name.split(".")) for _, name in facts_of(ROOT / "server" / "app.py").imports}
+    named = {ROOT.joinpath(*name.split(".")) for _, name in facts_of(ROOT / "server" / "app" / "build.py").imports}
     imported = [path for path in named if path.with_suffix(".py").is_file()]
     assert len(imported) <= MOST_IMPORTS, imported
 

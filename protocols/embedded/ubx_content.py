@@ -45,7 +45,7 @@ class _Number:
 def table() -> Mapping[str, list[str]]:
     """First word of each line → all words of such lines."""
     words: dict[str, list[str]] = {}
-    text = resources.files("imuscope.protocols").joinpath("ubx_messages.txt").read_text("utf-8")
+    text = resources.files("imuscope.protocols.embedded").joinpath("ubx_messages.txt").read_text("utf-8")
     for line in text.splitlines():
         if line and not line.startswith("#"):
             first, *rest = line.split()

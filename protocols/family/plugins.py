@@ -28,7 +28,7 @@ API_VERSION = 1
 
 GROUP = "imuscope.protocols"
 PACKAGE = "imuscope"
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 log = logging.getLogger("imuscope.plugins")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.lazy_routes import lazy_router
-from imuscope.server.capabilities import Capabilities
+from imuscope.server.wire.capabilities import Capabilities
 
 router = lazy_router(prefix="/api/capabilities", tags=["build"])
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any, TypeVar
 from fastapi import Depends, Request
 from fastapi.requests import HTTPConnection
 
-from imuscope.server.login_throttle import client_group
-from imuscope.server.services import Services
+from imuscope.server.access.login_throttle import client_group
+from imuscope.server.services.services import Services
 
 T = TypeVar("T")
 CLIENT_GONE = 499  # status of a response that no client reads

@@ -20,7 +20,7 @@ from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError, unknown_device
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.source_url import SourceUrl
-from imuscope.server.services import Services
+from imuscope.server.services.services import Services
 
 router = lazy_router(prefix="/api/devices", tags=["devices"])
 

@@ -16,8 +16,8 @@ from starlette.exceptions import HTTPException
 
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.static_files import serve
-from imuscope.server.extension import extensions
-from imuscope.server.page_files import Files
+from imuscope.server.http.page_files import Files
+from imuscope.server.services.extension import extensions
 
 router = lazy_router(tags=["build"])
 

@@ -1,7 +1,7 @@
 """Routes of forms: every setting and command of a device, what a form would send, and outputs that fit the line.
 
 `preview`, `fit-rates` and `compare` change nothing and send nothing; they are POST because they carry values, and a
-view token may call them (LOOKING in server/auth.py).
+view token may call them (LOOKING in server/access/auth.py).
 """
 
 from __future__ import annotations

@@ -6,14 +6,14 @@ from fastapi import FastAPI
 
 from imuscope.server.api import description, errors, static_files, unicode_guard
 from imuscope.server.api.routers import ROUTERS
-from imuscope.server.extension import extension_routers
 from imuscope.server.reference.pages import ReferencePages
-from imuscope.server.services import Services
+from imuscope.server.services.extension import extension_routers
+from imuscope.server.services.services import Services
 from imuscope.server.version import VERSION
 
 
 def build_framework(services: Services) -> FastAPI:
-    """The routes of these services. They are started and closed elsewhere (server/application.py)."""
+    """The routes of these services. They are started and closed elsewhere (server/app/application.py)."""
     app = FastAPI(
         title="imuscope",
         version=VERSION,

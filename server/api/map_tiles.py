@@ -43,7 +43,7 @@ async def get_tile(
 ) -> Response:
     """An image of 256 by 256 pixels: column x and row y (from the north) of the 2^z by 2^z tiles of the world."""
     if not services.tiles.settings.tiles:
-        raise DomainError("not-found", "No tile server is configured.", "See [map] in server/config.py.")
+        raise DomainError("not-found", "No tile server is configured.", "See [map] in server/settings/config.py.")
     if x >= 1 << z or y >= 1 << z:
         raise DomainError("not-found", f"Tile {x}, {y} does not exist at zoom {z}.", "Both are less than 2^z.")
     kind, data = await services.tiles.tile(z, x, y)

@@ -30,7 +30,7 @@ from imuscope.server.configuration.settings_diff import NO_DEFAULT, ComparedValu
 from imuscope.server.configuration.settings_reader import plain_values
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError
 from imuscope.server.errors import DomainError
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.wire.codec import to_json_safe
 
 router = lazy_router(prefix="/api/devices/{device}", tags=["snapshots"])
 

@@ -18,7 +18,7 @@ from starlette.exceptions import HTTPException
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.lazy_routes import lazy_router
-from imuscope.server.page_files import Files
+from imuscope.server.http.page_files import Files
 
 POLICY = "; ".join(
     (

@@ -9,11 +9,11 @@ from fastapi import Request
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
+from imuscope.server.access.auth import Role
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.status_pages import health, metrics_page
-from imuscope.server.auth import Role
-from imuscope.server.prometheus_text import CONTENT_TYPE
+from imuscope.server.text.prometheus import CONTENT_TYPE
 from imuscope.server.version import VERSION
 from imuscope.server.wire import SUBPROTOCOL
 
@@ -69,7 +69,7 @@ async def get_health(services: TheServices) -> HealthStatus:
 
 @router.get("/metrics", response_class=Response, responses=FIGURES)
 async def get_metrics(services: TheServices) -> Response:
-    """Metrics in the text format of Prometheus (server/metrics.py). They contain device data, so requests from other
-    machines need a bearer token; a view token is sufficient.
+    """Metrics in the text format of Prometheus (server/diagnostics/metrics.py). They contain device data, so requests
+    from other machines need a bearer token; a view token is sufficient.
     """
     return Response(metrics_page(services), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})

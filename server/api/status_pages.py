@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from imuscope.server.metrics import Sources
+from imuscope.server.diagnostics.metrics import Sources
 from imuscope.server.previous_names import with_previous_keys
-from imuscope.server.services import Services
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.services.services import Services
+from imuscope.server.wire.codec import to_json_safe
 
 
 def health(services: Services) -> dict[str, Any]:
@@ -22,7 +22,7 @@ def device_list(services: Services) -> list[dict[str, Any]]:
 
 
 def metrics_page(services: Services) -> str:
-    """Metrics in the text format of Prometheus (server/metrics.py)."""
+    """Metrics in the text format of Prometheus (server/diagnostics/metrics.py)."""
     sources = Sources(
         services.telemetry.bus,
         services.telemetry.clients.statistics,

@@ -13,7 +13,7 @@ import json
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from imuscope.server.auth import MAX_BODY, refuse
+from imuscope.server.access.auth import MAX_BODY, refuse
 from imuscope.server.errors import DomainError
 
 SURROGATE = b"\\ud"
@@ -21,7 +21,7 @@ SURROGATE = b"\\ud"
 
 class UnicodeGuard:
     """ASGI middleware that reads JSON bodies, checks them and passes them on. Their size was checked before
-    (server/auth.py).
+    (server/access/auth.py).
     """
 
     def __init__(self, app: ASGIApp) -> None:

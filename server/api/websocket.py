@@ -2,8 +2,8 @@
 
 Two tasks per browser: one reads its requests, one sends from its queue. Sending waits only for the socket, and nothing
 else waits for it; messages that a socket accepts at once bypass this task (server/streaming/send_queue.py). A socket
-that does not accept a byte for `stuck_s` (server/timings.py) is closed. Progress is measured in the transport's buffer,
-so that a very slow link is not taken for a dead one.
+that does not accept a byte for `stuck_s` (server/services/timings.py) is closed. Progress is measured in the
+transport's buffer, so that a very slow link is not taken for a dead one.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-from imuscope.server import wire, wire_codec
+from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.lazy_routes import lazy_router
-from imuscope.server.limiters import TokenBucket
+from imuscope.server.concurrency.limiters import TokenBucket
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.send_queue import SendQueue
-from imuscope.server.tasks import end_tasks
+from imuscope.server.wire import codec as wire_codec
 
 log = logging.getLogger("imuscope.live")
 router = lazy_router()

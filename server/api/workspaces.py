@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
-from imuscope.server.workspaces import ANY, StoredWorkspace
+from imuscope.server.library.workspaces import ANY, StoredWorkspace
 
 router = lazy_router(prefix="/api", tags=["workspaces"])
 

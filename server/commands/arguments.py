@@ -13,13 +13,13 @@ from typing import NoReturn, TypeAlias
 from imuscope.protocols.family.decode_options import DecodeOption, Scope
 from imuscope.protocols.family.plugins import protocol_names
 from imuscope.recordings.optional_packages import installation_of
-from imuscope.server import logging_setup
 from imuscope.server.commands.file_arguments import add_decode
 from imuscope.server.commands.page_arguments import add_page_address
-from imuscope.server.config import default_data
 from imuscope.server.devices.decode_options import declared_options
-from imuscope.server.extension import absent_extensions, add_commands, extension_commands
-from imuscope.server.extension_settings import extension_settings
+from imuscope.server.services.extension import absent_extensions, add_commands, extension_commands
+from imuscope.server.settings import logging_setup
+from imuscope.server.settings.config import default_data
+from imuscope.server.settings.extension_settings import extension_settings
 from imuscope.server.version import described
 
 ABSENT = {command.name: one.extra for one in absent_extensions() for command in one.commands}

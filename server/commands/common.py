@@ -14,7 +14,6 @@ from imuscope.recordings.readers.formats.euroc_folder import sensor_folders
 from imuscope.recordings.readers.formats.oxts_folder import packet_folder
 from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.recordings.tables.options import TableOptions, read_columns
-from imuscope.server import logging_setup
 from imuscope.server.commands.arguments import COMMANDS
 from imuscope.server.devices.decode_options import (
     DecodeOptions,
@@ -24,6 +23,7 @@ from imuscope.server.devices.decode_options import (
     parse_source_options,
 )
 from imuscope.server.errors import UsageError
+from imuscope.server.settings import logging_setup
 
 PIPE_BYTES = 1 << 20
 SLOW_BYTES = 1 << 20

@@ -25,10 +25,10 @@ from imuscope.recordings.sources import damage_of
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import UsageError
-from imuscope.server.extension import FileOutput, file_outputs
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import REMARK, decode
-from imuscope.server.printable import printable
+from imuscope.server.services.extension import FileOutput, file_outputs
+from imuscope.server.text.printable import printable
 
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
 _CELLS = 30

@@ -16,7 +16,7 @@ from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import UsageError
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode
-from imuscope.server.printable import printable
+from imuscope.server.text.printable import printable
 
 
 @contextlib.contextmanager

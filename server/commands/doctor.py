@@ -15,10 +15,10 @@ from importlib import resources
 from typing import TextIO
 
 from imuscope.recordings.optional_packages import installation_of
-from imuscope.server.config import Config
 from imuscope.server.diagnostics.checks import RULES, Finding
-from imuscope.server.extension import absent_extensions, attempt, extension_problems, extensions
-from imuscope.server.printable import json_text, printable
+from imuscope.server.services.extension import absent_extensions, attempt, extension_problems, extensions
+from imuscope.server.settings.config import Config
+from imuscope.server.text.printable import json_text, printable
 
 UNIT = "imuscope.service"
 _RANK = {"problem": 0, "warning": 1, "ok": 2}

@@ -40,7 +40,7 @@ from imuscope.server.commands.inspect_table import InspectTable
 from imuscope.server.commands.replay import choose_device
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
-from imuscope.server.printable import json_text
+from imuscope.server.text.printable import json_text
 
 CHUNK = 1 << 20
 NO_DEVICES = "is not a recording, so it has no devices to choose from; leave --device out"

@@ -5,7 +5,7 @@
 
 The rows of the protocols' tables (protocols/schema/fields.py) give the meaning of a value. JSON lines have wire values;
 here values are scaled to the unit of their row. Text from a device is escaped so that it cannot control the terminal
-(server/printable.py).
+(server/text/printable.py).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from imuscope.server.commands.compose import composers
 from imuscope.server.configuration.value_format import entry_title
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.library.reject_reasons import explained_rejects
-from imuscope.server.printable import printable
+from imuscope.server.text.printable import printable
 
 LONGEST_WORD = 64  # characters of a text or of bytes; jsonl has all of them
 WIDTH = 26  # of the message name

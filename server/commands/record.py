@@ -31,13 +31,13 @@ from imuscope.server.devices.sequence_store import SequenceStore
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.session_listeners import Direction
 from imuscope.server.devices.sessions import Sessions
-from imuscope.server.end_signals import end_signals, ending_by_exception
 from imuscope.server.errors import UsageError
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.links import open_link
 from imuscope.server.links.base import Chunk, LinkSettings, steady_clock
-from imuscope.server.printable import printable
 from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.system.end_signals import end_signals, ending_by_exception
+from imuscope.server.text.printable import printable
 
 POLL_S = 0.25
 MAX_MESSAGES = 20

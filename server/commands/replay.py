@@ -28,10 +28,10 @@ from typing import Protocol, TextIO
 
 from imuscope.recordings.replay import ReplayClock, ReplayedChunk, extent
 from imuscope.recordings.sources import Source
-from imuscope.server.end_signals import end_signals
 from imuscope.server.errors import UsageError
 from imuscope.server.links.base import steady_clock
 from imuscope.server.links.reader_thread import write_all
+from imuscope.server.system.end_signals import end_signals
 
 LONGEST_DATAGRAM = 65_507
 STALL_NS = 50_000_000  # a send that takes longer pauses the replay clock

@@ -40,19 +40,19 @@ from imuscope.protocols.schema.fields import Command, Field, Setting
 from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.protocols.schema.shown_values import to_shown
 from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, names_elements, parse
-from imuscope.server.config import default_data
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.configuration.put_back import PUT_BACK, WAITING, PutBackStore
 from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.configuration.value_checks import problems_of, without_current_values
 from imuscope.server.configuration.value_format import value_at
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.end_signals import end_signals
 from imuscope.server.errors import UsageError
 from imuscope.server.links import open_link
 from imuscope.server.links.base import Link, LinkError, LinkSettings, OwedFrames, steady_clock
-from imuscope.server.printable import json_text
-from imuscope.server.tasks import end_tasks
+from imuscope.server.settings.config import default_data
+from imuscope.server.system.end_signals import end_signals
+from imuscope.server.text.printable import json_text
 
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is detected
 BOOT_S = 0.6  # a simulator, or a device that is reset when its port is opened, cannot receive before

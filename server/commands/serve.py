@@ -14,26 +14,26 @@ from typing import TYPE_CHECKING, Any
 
 from imuscope.recordings.system.freed_memory import share_one_heap
 from imuscope.recordings.system.resource_limits import history_room
-from imuscope.server import logging_setup
 from imuscope.server.commands.common import (
     check_sources,
     given_options,
     normalized_sources,
     warn_if_interpreted,
 )
-from imuscope.server.config import SIMULATORS, Config, load
 from imuscope.server.devices.decode_options import declared_options, option_text
 from imuscope.server.devices.protocol_set import problems
 from imuscope.server.errors import UsageError
-from imuscope.server.extension import extension_problems, extensions
-from imuscope.server.extension_settings import extension_settings
 from imuscope.server.links.simulated_device import simulators
+from imuscope.server.services.extension import extension_problems, extensions
+from imuscope.server.settings import logging_setup
+from imuscope.server.settings.config import SIMULATORS, Config, load
+from imuscope.server.settings.extension_settings import extension_settings
 from imuscope.server.version import VERSION
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
-    from imuscope.server.auth import Access
+    from imuscope.server.access.auth import Access
 
 
 def serve(options: argparse.Namespace) -> None:
@@ -43,7 +43,7 @@ def serve(options: argparse.Namespace) -> None:
         UsageError: the options cannot be fulfilled.
         ConfigError, DecodeOptionError: invalid options or configuration file.
     """
-    from imuscope.server.app import create_app
+    from imuscope.server.app.build import create_app
 
     run(_config(options), create_app)
 
@@ -60,8 +60,8 @@ def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot
         ConfigError, DecodeOptionError: invalid options.
     """
     share_one_heap()
-    from imuscope.server import http_server
-    from imuscope.server.auth import Access
+    from imuscope.server.access.auth import Access
+    from imuscope.server.http import server as http_server
 
     decode_options, access = config.reading(), Access(config)
     secrets = decode_options.secrets
@@ -146,7 +146,7 @@ def _check_extensions(config: Config) -> None:
 
 def _print_addresses(config: Config, access: Access, url: str, fingerprint: str, is_robot: bool) -> None:
     """Print the address of the page, its tokens and start-up warnings."""
-    from imuscope.server.login_throttle import UNGUESSABLE, short_tokens
+    from imuscope.server.access.login_throttle import UNGUESSABLE, short_tokens
 
     if access.control_token and not config.is_loopback:
         print(

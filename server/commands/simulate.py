@@ -20,12 +20,12 @@ from typing import TextIO
 
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.end_signals import end_signals
 from imuscope.server.errors import UsageError
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device
 from imuscope.server.links.simulator import SimulatorThread
 from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.system.end_signals import end_signals
 
 PREFIXES = ("sim:", "twin:")
 RATE_POLL_S = 0.05  # delay until the TCP side follows a new baud rate of the device

@@ -43,7 +43,7 @@ from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
 from imuscope.server.configuration.value_format import head_of
 from imuscope.server.links.base import LinkError
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.wire.codec import to_json_safe
 
 MAX_WORDS = 12  # changes that a pending rollback lists
 CHANGED_HINT = (

@@ -28,7 +28,7 @@ from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.value_checks import problems_of, sentence, without_current_values
 from imuscope.server.configuration.value_format import numbers
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.wire.codec import to_json_safe
 
 MAX_FRAMES = 32
 

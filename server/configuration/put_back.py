@@ -27,10 +27,10 @@ from imuscope.protocols.commands.transactions import AT_REST, Send, Transaction,
 from imuscope.protocols.events import Batch, Event, Reply
 from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import read_regular
-from imuscope.server.backoff import Backoff
+from imuscope.server.concurrency.backoff import Backoff
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.links.base import LinkError, OwedFrames
-from imuscope.server.tasks import end_tasks
 from imuscope.server.wire import Level
 
 if TYPE_CHECKING:

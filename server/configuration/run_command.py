@@ -21,7 +21,7 @@ from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
 from imuscope.server.links.base import LinkError
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.wire.codec import to_json_safe
 
 LISTEN_S = 1.0  # for replies to raw bytes
 AWAKE_TRIES = 5  # about a second each: wait for a restarting device before reading it

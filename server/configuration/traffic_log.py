@@ -23,7 +23,7 @@ from imuscope.protocols.events import Batch, Event, Reply
 from imuscope.protocols.schema.fields import Field
 from imuscope.protocols.schema.labels import device_label
 from imuscope.protocols.schema.plural import counted
-from imuscope.server.limiters import PeriodLimit
+from imuscope.server.concurrency.limiters import PeriodLimit
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.wire import Level, TrafficEntry
 

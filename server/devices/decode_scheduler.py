@@ -17,8 +17,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
+from imuscope.server.concurrency.heartbeat import UNWATCHED_S, next_beat
 from imuscope.server.devices.decode_budget import Drain, RoundRobin
-from imuscope.server.heartbeat import UNWATCHED_S, next_beat
 
 PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request
 

@@ -24,13 +24,13 @@ from imuscope.protocols.arrays import Ints
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.events import AccountsForBytes, Decoder, Event, RejectedFrame, Shared, sender_of
 from imuscope.server import wire
+from imuscope.server.concurrency.listeners import CallbackList
 from imuscope.server.devices.device_state import DeviceState, health
 from imuscope.server.devices.event_reporter import EventReporter
 from imuscope.server.devices.ingest import DeviceIdentity, Ingest, LinkTiming, ProtocolTraits
 from imuscope.server.devices.link_stats import LinkStatistics
 from imuscope.server.devices.silence_watchdog import SilenceWatchdog
 from imuscope.server.links.base import Chunk
-from imuscope.server.listeners import CallbackList
 from imuscope.server.streaming.channels import ChannelRegistry
 from imuscope.server.streaming.sink import TelemetrySink
 from imuscope.server.streaming.unknown_payloads import UnknownPayloadTracker

@@ -13,10 +13,10 @@ from dataclasses import replace
 from imuscope.protocols.clocks.clock_sync import ClockSync
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server import wire
+from imuscope.server.concurrency.listeners import CallbackList
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.ingest import DeviceIdentity
 from imuscope.server.devices.link_stats import LinkStatistics
-from imuscope.server.listeners import CallbackList
 from imuscope.server.streaming.sink import TelemetrySink
 
 MAX_ATTEMPTS = 12

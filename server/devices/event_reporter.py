@@ -17,7 +17,7 @@ from imuscope.protocols.schema.labels import device_label
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.streaming.sink import TelemetrySink
 from imuscope.server.wire import EventKind, Level
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.wire.codec import to_json_safe
 
 PERIOD_S = 1.0
 GAPS_PER_PERIOD = 10

@@ -6,8 +6,8 @@ import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable
 
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.links.base import LinkError
-from imuscope.server.tasks import end_tasks
 
 
 class IdentifyRequest:

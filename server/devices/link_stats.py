@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from imuscope.server.prometheus_text import Histogram
-from imuscope.server.rate_meter import RateMeter
+from imuscope.server.concurrency.rate_meter import RateMeter
+from imuscope.server.text.prometheus import Histogram
 from imuscope.server.wire import MessageHealth
 
 MAX_MESSAGES = 256  # counted by name; a healthy device has a few dozen, noise can produce any number

@@ -22,7 +22,8 @@ from dataclasses import replace
 
 from imuscope.protocols.events import Doubt, Event
 from imuscope.server import wire
-from imuscope.server.backoff import LOCAL_S, Backoff
+from imuscope.server.concurrency.backoff import LOCAL_S, Backoff
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.devices.connection_state import Connection, ConnectionEvent, ConnectionState
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.decode_pipeline import DecodePipeline
@@ -44,8 +45,7 @@ from imuscope.server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S
 from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
 from imuscope.server.links.base import SESSION, Chunk, Link, LinkError
 from imuscope.server.streaming.sink import TelemetrySink
-from imuscope.server.tasks import end_tasks
-from imuscope.server.terminals import standing_at
+from imuscope.server.system.terminals import standing_at
 
 log = logging.getLogger("imuscope.session")
 

@@ -8,8 +8,8 @@ from collections.abc import Awaitable, Callable, Sequence
 from typing import Literal
 
 from imuscope.protocols.events import Event, sender_of
+from imuscope.server.concurrency.listeners import CallbackList
 from imuscope.server.links.base import Chunk, Flow
-from imuscope.server.listeners import CallbackList
 
 log = logging.getLogger("imuscope.session")
 

@@ -10,6 +10,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from imuscope.server import wire
+from imuscope.server.concurrency.heartbeat import UNWATCHED_S, beat, next_beat
+from imuscope.server.concurrency.listeners import CallbackList
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.devices.byte_memory import ByteMemory, LinkMemory
 from imuscope.server.devices.decode_options import DecodeOptionError, DecodeOptions, parse_source_options, url_options
 from imuscope.server.devices.decode_scheduler import DecodeScheduler
@@ -19,14 +22,11 @@ from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sequence_store import EVERY_S, SequenceStore
 from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
-from imuscope.server.heartbeat import UNWATCHED_S, beat, next_beat
 from imuscope.server.links.base import Link, LinkError, LinkSettings
 from imuscope.server.links.replay import split_devices
 from imuscope.server.links.source_url import SourceUrl
-from imuscope.server.listeners import CallbackList
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.shedding import Shedding
-from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.session")
 

@@ -32,7 +32,7 @@ from pathlib import Path
 from statistics import median
 from typing import Literal
 
-from imuscope.server.processes import OWN, Program, open_files, process_folders, program_of, unblock_steps
+from imuscope.server.system.open_files import OWN, Program, open_files, process_folders, program_of, unblock_steps
 
 Status = Literal["ok", "warning", "problem"]
 

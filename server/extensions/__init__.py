@@ -1,1 +1,1 @@
-"""Extensions of the server, a folder each (server/extension.py). Nothing outside imports them."""
+"""Extensions of the server, a folder each (server/services/extension.py). Nothing outside imports them."""

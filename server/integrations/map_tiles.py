@@ -16,8 +16,8 @@ import urllib.request
 from collections import OrderedDict
 from typing import Any
 
-from imuscope.server.config import MapTiles
 from imuscope.server.errors import DomainError
+from imuscope.server.settings.config import MapTiles
 from imuscope.server.version import VERSION
 
 MAX_BYTES = 1 << 20  # of one tile; usual ones have some tens of kB

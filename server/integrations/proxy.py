@@ -1,6 +1,6 @@
 """Proxy between a browser and a viewer's own server on loopback, for pages and WebSockets only.
 
-    browser ──our port, our rules (server/auth.py)──> here ──127.0.0.1──> the viewer's port
+    browser ──our port, our rules (server/access/auth.py)──> here ──127.0.0.1──> the viewer's port
 
 Only selected parts are passed on: the path of a request but none of its headers, so that no token or cookie reaches a
 library; the subprotocols of a WebSocket that the viewer supports; and the messages that the client is allowed to send.
@@ -23,11 +23,11 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
-from imuscope.server.auth import refuse
+from imuscope.server.access.auth import refuse
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.integrations.shared_secret import SecretEndpoint
 from imuscope.server.integrations.viewer_process import ViewError
-from imuscope.server.tasks import end_tasks
 
 OPEN_S = 10.0
 STUCK_S = 20.0

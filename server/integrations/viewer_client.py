@@ -17,7 +17,7 @@ from typing import IO, Any
 from imuscope.recordings.system.priority import lower_priority
 from imuscope.server.integrations.viewer_process import HEAD, SAMPLES, TEXT
 from imuscope.server.wire import lasting_name
-from imuscope.server.wire_codec import SampleFrame, WireError, decode_samples
+from imuscope.server.wire.codec import SampleFrame, WireError, decode_samples
 
 NAME_S = 3.0  # for a device to be identified
 

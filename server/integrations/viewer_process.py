@@ -32,13 +32,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from imuscope.server import wire
-from imuscope.server.backoff import Backoff
+from imuscope.server.concurrency.backoff import Backoff
+from imuscope.server.concurrency.heartbeat import UNWATCHED_S
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
-from imuscope.server.heartbeat import UNWATCHED_S
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.send_queue import SendQueue
-from imuscope.server.tasks import end_tasks
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 
 HEAD = struct.Struct("<IB")
 TEXT, SAMPLES, OURS = 0, 1, 2

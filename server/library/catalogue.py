@@ -26,13 +26,13 @@ from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.library.library import Library
 from imuscope.recordings.library.recording_probe import TABLE_FORMATS, RecordingProbe
 from imuscope.recordings.sidecar import MarkerInfo
-from imuscope.server.heartbeat import beat
+from imuscope.server.concurrency.heartbeat import beat
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.foreign_files import ForeignFiles
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.clients import ClientFanout
-from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.library")
 

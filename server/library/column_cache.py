@@ -33,12 +33,12 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.recordings.system.resource_limits import seconds_for
 from imuscope.recordings.tables.file_reading import FileReading
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.library.cache_provenance import CHANGED, is_stale
 from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.library.foreign_files import MALICIOUS
-from imuscope.server.tasks import end_tasks
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 
 log = logging.getLogger("imuscope.columns")
 
@@ -53,7 +53,7 @@ ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened
 SPARE_S = 120.0  # lifetime of a process started in advance
 FAILED_FOR_S = 5.0  # an error is returned again for this long before another attempt
 CACHE = "cache"
-OPENER = "imuscope.server.decode_worker"
+OPENER = "imuscope.server.library.decode_worker"
 
 
 @dataclass(slots=True)

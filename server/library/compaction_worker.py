@@ -17,8 +17,8 @@ from pathlib import Path
 from imuscope.recordings.file_names import SUFFIX
 from imuscope.recordings.mcap.own_recordings import TEMPORARY_SUFFIX, is_uncompacted
 from imuscope.recordings.system import file_lock
-from imuscope.server.tasks import end_tasks
-from imuscope.server.workers import Worker
+from imuscope.server.concurrency.tasks import end_tasks
+from imuscope.server.system.workers import Worker
 
 log = logging.getLogger("imuscope.packer")
 BATCH = 32  # recordings for one process

@@ -43,7 +43,7 @@ from imuscope.recordings.sources import ChunkBlock, Source, damage_of
 from imuscope.recordings.system.freed_memory import keep_freed_memory
 from imuscope.recordings.tables.file_reading import FileReading
 from imuscope.recordings.tables.table_source import TableSource
-from imuscope.server import previous_names, wire, wire_codec
+from imuscope.server import previous_names, wire
 from imuscope.server.devices.decode_options import DecodeOptions, recorded
 from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
 from imuscope.server.devices.device_state import DeviceState, short_source
@@ -61,6 +61,7 @@ from imuscope.server.library.axis_words import (
 from imuscope.server.library.collector import RecordingSink
 from imuscope.server.library.decode_tables import decode_tables
 from imuscope.server.links.registry import link_kind
+from imuscope.server.wire import codec as wire_codec
 
 DRAIN_BYTES = 1 << 20  # decoded at once; the decoders are benchmarked with this size
 DRAIN_NS = 5_000_000_000  # maximum recorded time decoded at once; the clock state is stored at this interval

@@ -19,7 +19,8 @@ from imuscope.recordings.tables.clocks.axis import TimeAxis
 from imuscope.recordings.tables.clocks.steps import StepOfClock, step_words
 from imuscope.recordings.tables.headings import axis_of, grouped
 from imuscope.recordings.tables.table_source import DEVICE, TableRows, TableSource
-from imuscope.server import wire, wire_codec
+from imuscope.server import wire
+from imuscope.server.wire import codec as wire_codec
 
 if TYPE_CHECKING:
     from imuscope.server.library.decode import ProgressPublisher

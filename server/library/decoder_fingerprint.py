@@ -18,7 +18,7 @@ from imuscope.protocols.family.plugins import plugins_of, plugins_of_others, pro
 
 PACKAGE = Path(__file__).absolute().parents[2]
 COMPUTED_SIGNALS = "imuscope.computed_signals"  # see computed_signals.py, which is too large to import here
-BEGIN = "imuscope.server.decode_worker"
+BEGIN = "imuscope.server.library.decode_worker"
 READERS = "imuscope.recordings.readers.formats"  # found by their folder
 OTHER_READERS = "imuscope.readers"
 DATA = (".txt", ".json")

@@ -25,13 +25,13 @@ from typing import Any
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS
 from imuscope.server import wire
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.streaming.bus import TelemetryBus
-from imuscope.server.tasks import end_tasks
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 
 log = logging.getLogger("imuscope.exports")
 
@@ -42,7 +42,7 @@ SHARE = 4  # results take at most 1/SHARE of the disk space that is free without
 KEPT_S = 86_400.0
 MAX_WAITING = 20
 PROGRESS_INTERVAL_S = 0.25  # between two progress reports
-STOP_S = 0.8  # from SIGTERM to SIGKILL; less than the time for a shutdown of the server (server/shutdown.py)
+STOP_S = 0.8  # from SIGTERM to SIGKILL; less than the time for a shutdown of the server (server/http/shutdown.py)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from imuscope.recordings.system.parent_death import report_to_parent
 from imuscope.recordings.system.resource_limits import TooLong
 from imuscope.server.library.export_worker import request_of
 from imuscope.server.library.zip_download import one_file
-from imuscope.server.worker_process import begin
+from imuscope.server.system.worker_process import begin
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)
 WHOLE = 12_000  # rows of channels up to which everything is written

@@ -18,7 +18,7 @@ from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.exporters.request import ExportStep
 from imuscope.recordings.system.parent_death import report_to_parent
 from imuscope.server.library.zip_download import one_file
-from imuscope.server.worker_process import begin, progress_reports, reporting
+from imuscope.server.system.worker_process import begin, progress_reports, reporting
 
 
 def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> None:

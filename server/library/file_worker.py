@@ -2,8 +2,8 @@
 
     python -m imuscope.server.library.file_worker
 
-It is a fork server (server/fork_server.py) for foreign_files.py: it imports what reads files once. The answer of a call
-has the facts {}, or {"error", "message", "hint"} and for an error of the system {"error", "message", "number"}.
+It is a fork server (server/system/fork_server.py) for foreign_files.py: it imports what reads files once. The answer of
+a call has the facts {}, or {"error", "message", "hint"} and for an error of the system {"error", "message", "number"}.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from imuscope.recordings.readers.registry import READERS
 from imuscope.recordings.system.priority import lower_priority
 from imuscope.recordings.system.resource_limits import TooLong, bounded, memory_in_use, memory_of_one
 from imuscope.server.errors import DomainError
-from imuscope.server.fork_server import JobAnswer, serve
 from imuscope.server.library.foreign_files import MALICIOUS, FileCall
+from imuscope.server.system.fork_server import JobAnswer, serve
 
 POOL = "ARROW_DEFAULT_MEMORY_POOL"  # another one reserves 1 GiB at once, all that a small machine has for a call
 USED = (

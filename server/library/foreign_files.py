@@ -26,10 +26,10 @@ from typing import Any, TypeVar
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.system.resource_limits import CPU_S, CPU_S_PER_MB
+from imuscope.server.concurrency.fair_queue import FairQueue, QueueFullError
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError
 from imuscope.server.errors import DomainError
-from imuscope.server.fair_queue import FairQueue, QueueFullError
-from imuscope.server.fork_server import ForkServer, JobLostError
+from imuscope.server.system.fork_server import ForkServer, JobLostError
 
 MODULE = "imuscope.server.library.file_worker"
 IDLE_S = 60.0

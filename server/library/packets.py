@@ -28,7 +28,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.library.range_query import stored_values
 from imuscope.server.library.reject_reasons import explained_rejects
 from imuscope.server.streaming.channel_store import StoredChannel
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.wire.codec import to_json_safe
 
 NEAR_BYTES = 1 << 14  # decoded before and after the frame
 ENOUGH_BYTES = 1 << 20  # in a window, so that a longer one has no more neighbours, except at an end of the data

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from imuscope.recordings.columns.statistics import norm_statistics, statistics
 from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
-from imuscope.server import wire, wire_codec
+from imuscope.server import wire
 from imuscope.server.streaming.channel_store import StoredChannel
+from imuscope.server.wire import codec as wire_codec
 
 Array = NDArray[Any]
 

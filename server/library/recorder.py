@@ -35,19 +35,19 @@ from imuscope.recordings.file_names import free_path
 from imuscope.recordings.library import quota
 from imuscope.recordings.mcap.live_writer import Limits, RecordingWriter
 from imuscope.server import wire
-from imuscope.server.config import Config
+from imuscope.server.concurrency.heartbeat import beat
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.devices.byte_memory import ByteMemory
 from imuscope.server.devices.device_state import short_source
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.errors import DomainError
-from imuscope.server.heartbeat import beat
 from imuscope.server.library.api_models import MarkerRequest, SavedMemory
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.recording_session import RecordingSession
 from imuscope.server.library.signal_definitions import SignalDefinitions
 from imuscope.server.library.standing_recording import StandingRecording
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.version import VERSION
 

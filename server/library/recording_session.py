@@ -32,7 +32,7 @@ from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.recordings.mcap.live_writer import RecordingWriter
 from imuscope.recordings.mcap.read_memory import ReadFollower
 from imuscope.recordings.mcap.writer import Direction
-from imuscope.server import wire, wire_codec
+from imuscope.server import wire
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.devices.byte_memory import LATEST_NS, ByteMemory, Follower, Take
@@ -42,6 +42,7 @@ from imuscope.server.library.log_header import LogHeaderRequest
 from imuscope.server.library.signal_definitions import SignalDefinitions
 from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.wire import codec as wire_codec
 
 Piece = list[tuple[bytes, int]]
 WAYS: tuple[Direction, ...] = ("rx", "tx")

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.server import wire
-from imuscope.server.backoff import Backoff
+from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.errors import DomainError
 
 log = logging.getLogger("imuscope.recorder")

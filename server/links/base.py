@@ -43,8 +43,8 @@ import numpy as np
 
 from imuscope.protocols.arrays import Ints
 from imuscope.recordings.mcap.read_memory import NEVER, ReadFollower
+from imuscope.server.concurrency.listeners import CallbackList
 from imuscope.server.errors import DomainError
-from imuscope.server.listeners import CallbackList
 from imuscope.server.wire import Attempt
 
 __all__ = ["Attempt", "Chunk", "ErrorKind", "Link", "LinkError", "LinkSettings", "Progress", "steady_clock"]

@@ -20,9 +20,9 @@ import numpy as np
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice
 from imuscope.recordings.system.resource_limits import seconds_for
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 
-MODULE = "imuscope.server.played_file_worker"
+MODULE = "imuscope.server.library.played_file_worker"
 OPENING_SHARE = 4  # opening may take so many times the processor time that it may take
 MALICIOUS = "The file may be damaged or malicious."
 

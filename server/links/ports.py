@@ -24,7 +24,7 @@ from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.links.base import Attempt, LinkError, ScanWindows
 from imuscope.server.links.baud_scan import scan as scan_rates
 from imuscope.server.links.serial import SerialSettings, gone, holder, lock_of, open_port
-from imuscope.server.printable import printable
+from imuscope.server.text.printable import printable
 
 # USB vendor → maker of adapters and boards; sensor makers are in their families. Source: USB Implementers Forum.
 MAKERS = {

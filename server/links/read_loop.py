@@ -32,7 +32,7 @@ import numpy as np
 from imuscope.protocols.arrays import Ints
 from imuscope.recordings.mcap.read_memory import BUFFER_BYTES, MAX_READS, NEVER, READ_COUNT, ReadFollower, ReadMemory
 from imuscope.server.links.base import RECORDING, Chunk
-from imuscope.server.read_kernel import ROOM_BYTES, SECOND_NS, gather, promise
+from imuscope.server.links.read_kernel import ROOM_BYTES, SECOND_NS, gather, promise
 
 MAX_MEMORIES = 4096  # 256 MB
 COMPARISONS = 5  # of two clocks

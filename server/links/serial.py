@@ -47,8 +47,8 @@ from imuscope.server.links.reader_thread import (
 from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import LINE_OPTIONS, SourceUrl
 from imuscope.server.links.usb_adapters import adapter_at, moved, port_now
-from imuscope.server.processes import OWN, Program, programs_with, readers_of, session_on, unblock_steps
-from imuscope.server.terminals import PTS, is_another, may_be_terminal, pseudo_terminal
+from imuscope.server.system.open_files import OWN, Program, programs_with, readers_of, session_on, unblock_steps
+from imuscope.server.system.terminals import PTS, is_another, may_be_terminal, pseudo_terminal
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")

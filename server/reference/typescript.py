@@ -1,7 +1,7 @@
 """TypeScript types of the wire and the forms, generated from the dataclasses.
 
     server/wire/                        ─> web/src/wire/types.ts              messages of the WebSocket
-    server/capabilities.py              ─> web/src/wire/capability-types.ts   capabilities of the server
+    server/wire/capabilities.py              ─> web/src/wire/capability-types.ts   capabilities of the server
     server/configuration/api_models.py  ─> web/src/forms/types.ts             HTTP API of the Configure page
     server/library/api_models.py        ─> web/src/recordings/types.ts        HTTP API of the Recordings page
 
@@ -16,8 +16,8 @@ are copied to the TypeScript. It converts
 The binary header becomes constants: the offset of each field, the size of each dtype. A type without a rule here is an
 error, not a guess.
 
-    python -m imuscope.server.generate_ts_types            write the files
-    python -m imuscope.server.generate_ts_types --check    exit status 1 when one is stale
+    python -m imuscope.server.generators.ts_types            write the files
+    python -m imuscope.server.generators.ts_types --check    exit status 1 when one is stale
 """
 
 from __future__ import annotations
@@ -31,12 +31,13 @@ from pathlib import Path
 from types import EllipsisType, ModuleType
 
 from imuscope.protocols.commands import rate_tables as editor_choices
-from imuscope.server import capabilities, wire
+from imuscope.server import wire
 from imuscope.server.configuration import api_models as forms
 from imuscope.server.library import api_models as recorded
+from imuscope.server.wire import capabilities
 
 PAGE = Path(__file__).resolve().parents[2] / "web" / "src"
-IMPORTED = {"imuscope.server.wire": "../wire/types", "imuscope.server.capabilities": "./capability-types"}
+IMPORTED = {"imuscope.server.wire": "../wire/types", "imuscope.server.wire.capabilities": "./capability-types"}
 BORROWED = ("imuscope.protocols.", "imuscope.recordings.")
 SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}
 
@@ -251,7 +252,7 @@ def generate(target: Target) -> str:
     path = target.module.__name__.removeprefix("imuscope.").replace(".", "/") + (
         "/" if hasattr(target.module, "__path__") else ".py"
     )
-    origin = f"Generated from {path} by `python -m imuscope.server.generate_ts_types`; do not edit."
+    origin = f"Generated from {path} by `python -m imuscope.server.generators.ts_types`; do not edit."
     made = f"/** Types of {target.about}. {origin} */\n"
     constants = [target.constants] if target.constants else []
     return "\n".join([made, *constants, *_declarations(source, target.roots)])

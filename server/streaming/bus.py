@@ -8,7 +8,7 @@
 
 It is the live TelemetrySink (server/streaming/sink.py). A topic carries either messages, each of which counts, or a
 state, of which the latest is stored for later subscribers. An error of a subscriber does not affect the others or the
-publisher (server/listeners.py).
+publisher (server/concurrency/listeners.py).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from types import MappingProxyType
 from typing import Generic, TypeVar
 
 from imuscope.server import wire
-from imuscope.server.listeners import CallbackList
+from imuscope.server.concurrency.listeners import CallbackList
 from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.streaming.event_log import EventLog

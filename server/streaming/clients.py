@@ -17,15 +17,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from imuscope.server import wire, wire_codec
-from imuscope.server.capabilities import Capabilities
-from imuscope.server.heartbeat import UNWATCHED_S
+from imuscope.server import wire
+from imuscope.server.concurrency.heartbeat import UNWATCHED_S
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.streaming.event_log import EventLog
 from imuscope.server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
 from imuscope.server.streaming.shedding import Shedding
 from imuscope.server.version import VERSION
+from imuscope.server.wire import codec as wire_codec
+from imuscope.server.wire.capabilities import Capabilities
 
 FEW_CLIENTS = 4
 FLUSH_S = 0.012

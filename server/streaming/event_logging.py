@@ -6,7 +6,7 @@
     bus: recorder      a recording started, ended, failed
 
 Single frames (commands, answers, lines of text) are logged with --log-level debug only. Browsers and refused requests
-are logged in server/api/websocket.py and server/auth.py, in the same form (server/logging_setup.py).
+are logged in server/api/websocket.py and server/access/auth.py, in the same form (server/settings/logging_setup.py).
 """
 
 from __future__ import annotations

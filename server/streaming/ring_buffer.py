@@ -36,7 +36,7 @@ from imuscope.server.streaming.channel_rows import WireRows
 from imuscope.server.streaming.packed_columns import packed, unpack
 from imuscope.server.streaming.ring_kernel import append_rows
 from imuscope.server.wire import HEADER
-from imuscope.server.wire_codec import sample_header
+from imuscope.server.wire.codec import sample_header
 
 # Small enough that dropping a block is not noticeable and a frame of a whole block is sent in one piece (a socket
 # accepts 64 KiB at once), large enough that Python's cost per block is negligible. The first block is small because

@@ -30,7 +30,7 @@ from websockets.frames import Frame as SocketFrame
 from websockets.frames import Opcode
 
 from imuscope.server.streaming.ring_buffer import RingBuffer
-from imuscope.server.wire_codec import with_dropped
+from imuscope.server.wire.codec import with_dropped
 
 # A second of 2 kHz × 10 values is 120 kB. Data queued for longer than a few seconds is no longer live, so more memory
 # would only delay a slow browser further.

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from imuscope.server.capabilities import Capabilities
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import BUDGET, HISTORY_S, ChannelStore
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.event_log import EventLog
 from imuscope.server.streaming.shedding import Shedding
+from imuscope.server.wire.capabilities import Capabilities
 
 
 @dataclass(frozen=True, slots=True)

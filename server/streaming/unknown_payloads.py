@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from imuscope.protocols.events import Batch, Reply
 from imuscope.protocols.schema.fields import Field, Message
 from imuscope.server import wire
-from imuscope.server.rate_meter import RateMeter
+from imuscope.server.concurrency.rate_meter import RateMeter
 
 MAX_KINDS = 32  # of one device; noise that passes the checksum must not fill memory
 MAX_BYTES = 1024  # reported of one payload, besides its true size

@@ -2,13 +2,13 @@
 
 One WebSocket at `/ws`, subprotocol `imuscope.v1`, permessage-deflate off. Text frames are JSON objects with an `op`;
 binary frames carry samples. TypeScript types are generated from the dataclasses of this package (`python
--m imuscope.server.generate_ts_types` writes web/src/wire/types.ts; a test fails when it is stale), so fields are added
-only here.
+-m imuscope.server.generators.ts_types` writes web/src/wire/types.ts; a test fails when it is stale), so fields are
+added only here.
 
 ## Server to browser, text
 
     hello             first, once: versions, server clock, length of history, capabilities of this server
-                      (server/capabilities.py)
+                      (server/wire/capabilities.py)
     devices           every device with its link and state; the whole list, sent on every change
     channels          channels not sent to the browser before (ids are never reused within a server run)
     health            figures of every device, twice a second; an older one not yet sent is replaced

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from imuscope.server.capabilities import Capabilities
+from imuscope.server.wire.capabilities import Capabilities
 from imuscope.server.wire.channels import ChannelInfo
 from imuscope.server.wire.devices import DeviceHealth, DeviceInfo, UnknownPayload
 from imuscope.server.wire.events import EventInfo

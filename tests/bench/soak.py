@@ -30,8 +30,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from imuscope.server.config import Config
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from imuscope.server.settings.config import Config
 from tests import load_clients
 from tests.bench.memory import curve
 from tests.bench.report import options_of, report, status_of
@@ -100,10 +100,11 @@ class Quick(Link):
 
 def serve(options: argparse.Namespace) -> None:
     """The server, in this process, until it is ended."""
-    from imuscope.server import http_server, logging_setup
-    from imuscope.server.app import create_app
-    from imuscope.server.auth import Access
+    from imuscope.server.access.auth import Access
+    from imuscope.server.app.build import create_app
     from imuscope.server.devices import sessions
+    from imuscope.server.http import server as http_server
+    from imuscope.server.settings import logging_setup
 
     logging_setup.install("text", "error")  # a client is expected not to keep up with a day in minutes
     sessions.WALL_STEP_S = float("inf")  # its wall clock goes at another pace, all the time

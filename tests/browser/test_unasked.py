@@ -10,11 +10,11 @@ from contextlib import contextmanager
 
 from playwright.sync_api import Page, Request
 
+from imuscope.server.access.route_rules import RouteRules
 from imuscope.server.extensions.analysis import EXTENSION as ANALYSIS
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
-from imuscope.server.route_rules import RouteRules
 from tests.browser.page_checks import drawn, go_to, opened, press
 from tests.chromium import until
 from tests.fault_injection.busy_page import ListeningDevice, heard_by

@@ -16,9 +16,10 @@ from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from imuscope.recordings.mcap.reader import McapReader
-from imuscope.server import wire, wire_codec
+from imuscope.server import wire
 from imuscope.server.library.cleanup import DataFolderLock
 from imuscope.server.library.compaction_worker import uncompacted
+from imuscope.server.wire import codec as wire_codec
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, recording

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.recordings.mcap.reader import TIME, McapReader
-from imuscope.server.config import Config
+from imuscope.server.settings.config import Config
 from tests.bench.serial_device import frame
 from tests.each_row import each_row
 from tests.fault_injection.fault_harness import stage

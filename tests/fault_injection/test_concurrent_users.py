@@ -22,9 +22,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.links import open_link
+from imuscope.server.settings.config import Config
 from tests.server.control_harness import outputs
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import http_client

@@ -34,11 +34,11 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.mcap.compaction import compact
-from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.library import standing_recording
 from imuscope.server.library.decode import decode
 from imuscope.server.library.standing_recording import StandingRecording
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLinks, sample

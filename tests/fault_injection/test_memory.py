@@ -20,7 +20,7 @@ import pytest
 
 from imuscope.recordings.system import resource_limits
 from imuscope.server.commands.serve import within_memory
-from imuscope.server.config import Config
+from imuscope.server.settings.config import Config
 from tests.bench.serial_devices import Speakers, heard_in
 from tests.each_row import each_row
 from tests.server_process import ServerProcess

@@ -22,7 +22,7 @@ import pytest
 from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.recordings.mcap.reader import TIME, McapReader
-from imuscope.server.config import Config
+from imuscope.server.settings.config import Config
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording

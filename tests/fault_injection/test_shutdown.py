@@ -27,7 +27,7 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 
-from imuscope.server import http_server
+from imuscope.server.http import server as http_server
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import ENDLESS
 from tests.fault_injection.ending import children, end
@@ -55,8 +55,8 @@ def test_a_request_cancelled_at_shutdown_is_not_an_error(caplog: pytest.LogCaptu
 
 LINGERING = """
 import asyncio, socket, sys, threading, time
-from imuscope.server import http_server, shutdown
-from imuscope.server.http_server import listen
+from imuscope.server.http import server as http_server, shutdown
+from imuscope.server.http.server import listen
 
 async def never():
     await asyncio.Event().wait()

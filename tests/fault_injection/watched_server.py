@@ -14,7 +14,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from imuscope.server.cli import main
-from imuscope.server.services import Services
+from imuscope.server.services.services import Services
 
 BEAT_S = 0.005
 _running = Services.running

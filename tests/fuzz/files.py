@@ -42,13 +42,13 @@ from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.records import MAGIC
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.sidecar import VERSION, Edits
-from imuscope.server.config import ConfigError, load
 from imuscope.server.configuration.snapshot_text import from_text
 from imuscope.server.configuration.snapshots import SnapshotError
 from imuscope.server.devices.decode_options import DecodeOptionError, checked_options
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.viser import meshes
 from imuscope.server.library.decode import decode
+from imuscope.server.settings.config import ConfigError, load
 from tests.fuzz.cases import BrokenError, Case, where
 from tests.fuzz.reader_files import WHOLE, whole_files
 from tests.fuzz.search import CorpusSearch as Decoders

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.server import wire
-from imuscope.server.wire_codec import decode_samples
+from imuscope.server.wire.codec import decode_samples
 from tests.free_ports import free_port
 from tests.interop.running import DiffersError, owned
 from tests.server_process import ServerProcess

@@ -12,11 +12,11 @@ import pytest
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.replay import ReplayClock
-from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.links import Link, LinkError, open_link, split_devices
 from imuscope.server.links.base import Chunk, steady_clock
 from imuscope.server.links.replay import ReplayLink
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.links.link_fixtures import fails, joined, left_behind, opened, settings, xbus
 from tests.links.replayed import START, device_bytes, of, recording

@@ -10,17 +10,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from imuscope.server import http_server, wire
-from imuscope.server.app import create_app
-from imuscope.server.auth import Access
-from imuscope.server.config import Config
-from imuscope.server.connections import ConnectionLimits
+from imuscope.server import wire
+from imuscope.server.access.auth import Access
+from imuscope.server.app.build import create_app
 from imuscope.server.devices.protocol_detection import ProtocolSet
 from imuscope.server.devices.sessions import OpenLink
-from imuscope.server.page_files import Files
-from imuscope.server.services import Services
+from imuscope.server.http import server as http_server
+from imuscope.server.http.connections import ConnectionLimits
+from imuscope.server.http.page_files import Files
+from imuscope.server.services.services import Services
+from imuscope.server.services.timings import ViewerTimings
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_rows import ChannelRows
-from imuscope.server.timings import ViewerTimings
 from tests.server.fakes import SPEECH, FakeLink
 from tests.timeouts import PATIENCE_S, http_client
 from tests.waiting import block_until

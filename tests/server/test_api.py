@@ -15,11 +15,11 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 from websockets.typing import Origin, Subprotocol
 
-from imuscope.server.app import create_app
-from imuscope.server.auth import Access, Guard
-from imuscope.server.config import Config
+from imuscope.server.access.auth import Access, Guard
+from imuscope.server.app.build import create_app
+from imuscope.server.http.page_files import Files
 from imuscope.server.links.base import Link, LinkError, LinkSettings
-from imuscope.server.page_files import Files
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.send_queue import SendQueue
 from imuscope.server.wire import SUBPROTOCOL
 from tests.each_row import each_row

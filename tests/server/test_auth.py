@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.auth import Access, RefusedError
-from imuscope.server.config import Config
+from imuscope.server.access.auth import Access, RefusedError
 from imuscope.server.errors import status_of
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 
 VIEW, CONTROL = "view-token-1", "control-token-1"

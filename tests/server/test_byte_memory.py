@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.source import McapSource
-from imuscope.server.config import Config
 from imuscope.server.devices import byte_memory
 from imuscope.server.devices.byte_memory import ByteMemory, Direction, LinkMemory
 from imuscope.server.links.base import CHUNK_COST, Chunk
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_store import ChannelStore
 from tests.recordings.mcap_files import json_messages
 from tests.server.fakes import FakeLinks, sample

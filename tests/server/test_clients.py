@@ -10,12 +10,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server import wire, wire_codec
-from imuscope.server.heartbeat import UNWATCHED_S
+from imuscope.server import wire
+from imuscope.server.concurrency.heartbeat import UNWATCHED_S
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.clients import FEW_CLIENTS, FLUSH_MANY_S, FLUSH_S, SLACK_S
 from imuscope.server.streaming.send_queue import HistoryStream, Packet, SendQueue
 from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.wire import codec as wire_codec
 from tests.each_row import each_row
 from tests.server.fakes import FakeClock
 

@@ -15,7 +15,7 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.server.library import column_cache
 from imuscope.server.library.cache_provenance import write_source
 from imuscope.server.library.column_cache import ColumnCache, DecodeJob
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
 from tests.timeouts import PATIENCE_S

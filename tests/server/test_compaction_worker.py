@@ -13,7 +13,7 @@ import pytest
 
 from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.server.library.compaction_worker import CompactionWorker
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
 from tests.waiting import until

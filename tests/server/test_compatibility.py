@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from imuscope.server import generated_files, wire
+from imuscope.server import wire
+from imuscope.server.generators import files as generated_files
 from imuscope.server.version import VERSION
 from tests.each_row import each_row
 from tests.source_files import ROOT, python_files, text_of

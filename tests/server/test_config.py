@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from imuscope.server.config import Config, ConfigError, is_loopback, load
-from imuscope.server.setting_types import is_allowed, is_of_type, one_of, zero_or
+from imuscope.server.settings.config import Config, ConfigError, is_loopback, load
+from imuscope.server.settings.setting_types import is_allowed, is_of_type, one_of, zero_or
 from tests.each_row import each_row
 
 

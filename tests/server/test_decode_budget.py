@@ -15,12 +15,12 @@ from imuscope.server.devices import decode_budget
 from imuscope.server.devices.decode_budget import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, RoundRobin, Slices
 from imuscope.server.devices.event_reporter import TEXT_SORTS
 from imuscope.server.devices.link_stats import MAX_MESSAGES
+from imuscope.server.diagnostics.metrics import Metrics, Sources
 from imuscope.server.links import open_link
 from imuscope.server.links.base import CHUNK_COST, Chunk, LinkSettings
 from imuscope.server.links.reader_thread import ANSWER_NS, WAKE_NS, ChunkQueue
 from imuscope.server.links.tcp import TcpLink
 from imuscope.server.links.udp import UdpLink
-from imuscope.server.metrics import Metrics, Sources
 from imuscope.server.wire import RecorderState
 from tests.each_row import each_row
 from tests.fault_injection.fault_harness import stage

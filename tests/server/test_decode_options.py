@@ -16,7 +16,6 @@ from imuscope.protocols.schema.fields import Field, Message
 from imuscope.server.api.decode_options_body import DecodeOptionsBody
 from imuscope.server.commands import arguments as options
 from imuscope.server.commands.common import decode_options_of
-from imuscope.server.config import ConfigError, load, setting_names
 from imuscope.server.devices.decode_options import (
     DecodeOptionError,
     DecodeOptions,
@@ -30,6 +29,7 @@ from imuscope.server.devices.decode_options import (
 )
 from imuscope.server.links.registry import link_kinds
 from imuscope.server.links.simulated_device import simulators
+from imuscope.server.settings.config import ConfigError, load, setting_names
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 

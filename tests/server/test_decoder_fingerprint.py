@@ -10,7 +10,7 @@ from tests.server_process import ROOT
 
 RUN = """
 import sys
-from imuscope.server import decode_worker
+from imuscope.server.library import decode_worker
 from imuscope.protocols.registry import families as registry
 from imuscope.recordings.importers import open_file as importers
 print(*(module for module in sys.modules if module.partition(".")[0] == "imuscope"))
@@ -30,11 +30,18 @@ def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
 def test_the_decoding_mark_covers_all_decoders_and_no_simulators() -> None:
     found = {str(path.relative_to(decoder_fingerprint.PACKAGE)) for path in decoder_fingerprint.decoding_sources()}
     assert found >= {
-        *(f"recordings/{name}.py" for name in ("tabular", "importers", "vendor_logs")),
+        "recordings/tables/table_source.py",
+        "recordings/importers/open_file.py",
+        "recordings/readers/vendor_logs.py",
         "protocols/rotations.py",
-        *(f"recordings/{name}.py" for name in ("messages", "message_source", "health_history")),
-        *(f"server/{name}.py" for name in ("wire_codec", "wire/__init__", "library/decode")),
-        *(f"server/devices/{name}.py" for name in ("jitter_causes", "decode_options")),
+        "recordings/mcap/messages.py",
+        "recordings/readers/message_source.py",
+        "recordings/columns/health_history.py",
+        "server/wire/codec.py",
+        "server/wire/__init__.py",
+        "server/library/decode.py",
+        "server/devices/jitter_causes.py",
+        "server/devices/decode_options.py",
         "protocols/registry/families.py",
         "protocols/messages/cdr.py",
         "protocols/xbus/decoder.py",

@@ -11,7 +11,7 @@ import pytest
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.live_writer import RecordingWriter
-from imuscope.server.config import Config
+from imuscope.server.settings.config import Config
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer
 from tests.server.recorder_harness import chunks, recorded, send, settled

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.server.config import Config
 from imuscope.server.library import export_jobs
 from imuscope.server.library.export_jobs import ExportJobs
+from imuscope.server.settings.config import Config
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

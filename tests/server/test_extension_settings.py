@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from imuscope.protocols.family.plugins import ProtocolPlugin
-from imuscope.server import extension_settings
+from imuscope.server.settings import extension_settings
 
 
 @pytest.fixture(autouse=True)

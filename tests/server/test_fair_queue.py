@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from imuscope.server.fair_queue import FairQueue, QueueFullError
+from imuscope.server.concurrency.fair_queue import FairQueue, QueueFullError
 
 
 async def _order(queue: FairQueue, users: Sequence[str]) -> list[str]:

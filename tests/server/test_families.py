@@ -18,10 +18,11 @@ from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.server import wire, wire_codec
+from imuscope.server import wire
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.links.base import LinkError
+from imuscope.server.wire import codec as wire_codec
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.faulty_line import FaultyLine

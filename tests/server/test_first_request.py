@@ -9,14 +9,14 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
+from imuscope.server.access.auth import Access
 from imuscope.server.api import framework
-from imuscope.server.app import create_app
-from imuscope.server.application import Application
-from imuscope.server.auth import Access
-from imuscope.server.config import Config
-from imuscope.server.extension import extensions
+from imuscope.server.app.application import Application
+from imuscope.server.app.build import create_app
 from imuscope.server.reference.pages import ReferencePages
-from imuscope.server.services import Services
+from imuscope.server.services.extension import extensions
+from imuscope.server.services.services import Services
+from imuscope.server.settings.config import Config
 from tests.server.asgi_client import ask
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

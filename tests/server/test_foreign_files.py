@@ -17,9 +17,9 @@ import pytest
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.file_suffixes import OF_READERS
 from imuscope.recordings.readers.registry import reader_suffixes
-from imuscope.server.extension import extensions
 from imuscope.server.library import foreign_files
 from imuscope.server.library.foreign_files import ForeignFiles
+from imuscope.server.services.extension import extensions
 from tests.processes import is_running
 from tests.source_files import ROOT
 from tests.timeouts import PATIENCE_S
@@ -79,7 +79,7 @@ def _imports(module: str) -> frozenset[str]:
 
 def _first_modules() -> Iterator[str]:
     """Modules of the server's process that nobody imports by name: routes, links, formats, extensions."""
-    yield from ("imuscope.server.app", "imuscope.server.http_server", "imuscope.server.commands.serve")
+    yield from ("imuscope.server.app.build", "imuscope.server.http.server", "imuscope.server.commands.serve")
     for folder in ("server/api", "server/links", "recordings/exporters/formats"):
         for path in (ROOT / folder).glob("*.py"):
             yield f"imuscope.{folder.replace('/', '.')}.{path.stem}".removesuffix(".__init__")

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.rate_meter import FRESH_S, RateMeter
+from imuscope.server.concurrency.rate_meter import FRESH_S, RateMeter
 
 
 @given(st.sampled_from([50, 100, 400, 2000]), st.sampled_from([1, 4, 16, 64]), st.floats(0, 0.05))

@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from imuscope.server.listeners import CallbackList
+from imuscope.server.concurrency.listeners import CallbackList
 
 
 def test_a_callback_that_failed_is_called_again(caplog: pytest.LogCaptureFixture) -> None:

@@ -18,8 +18,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
 from imuscope.server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S
-from imuscope.server.config import Config
-from imuscope.server.limiters import TokenBucket
+from imuscope.server.concurrency.limiters import TokenBucket
+from imuscope.server.settings.config import Config
 from imuscope.server.wire import SUBPROTOCOL
 from tests import load_clients
 from tests.bench.serial_devices import Speakers, heard_in

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from websockets.typing import Subprotocol
 
-from imuscope.server import logging_setup
-from imuscope.server.config import Config, ConfigError, load
 from imuscope.server.links.base import LinkError
+from imuscope.server.settings import logging_setup
+from imuscope.server.settings.config import Config, ConfigError, load
 from imuscope.server.wire import SUBPROTOCOL
 from tests.each_row import each_row
 from tests.server.fakes import FakeLinks, sample

@@ -6,10 +6,8 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.auth import Access, Guard, RefusedError
-from imuscope.server.config import Config
-from imuscope.server.errors import status_of
-from imuscope.server.login_throttle import (
+from imuscope.server.access.auth import Access, Guard, RefusedError
+from imuscope.server.access.login_throttle import (
     ADDRESSES,
     MAX_FAILURES,
     UNGUESSABLE,
@@ -17,6 +15,8 @@ from imuscope.server.login_throttle import (
     client_group,
     short_tokens,
 )
+from imuscope.server.errors import status_of
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
 from tests.server.asgi_client import Answer, ask

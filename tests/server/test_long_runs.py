@@ -14,7 +14,6 @@ from unittest.mock import AsyncMock, Mock
 import pytest
 
 from imuscope.server import wire
-from imuscope.server.config import Config
 from imuscope.server.devices.session import Session
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
@@ -27,6 +26,7 @@ from imuscope.server.library.foreign_files import ForeignFiles
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.links.message_link import MOST_COUNTED, MessageLink, TopicSource
 from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from imuscope.server.config import Config, MapTiles, load
 from imuscope.server.integrations.map_tiles import MAX_BYTES
+from imuscope.server.settings.config import Config, MapTiles, load
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

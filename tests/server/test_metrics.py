@@ -13,8 +13,8 @@ from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
 from websockets.typing import Subprotocol
 
-from imuscope.server.config import Config
-from imuscope.server.prometheus_text import Histogram, PrometheusText
+from imuscope.server.settings.config import Config
+from imuscope.server.text.prometheus import Histogram, PrometheusText
 from imuscope.server.version import VERSION
 from imuscope.server.wire import SUBPROTOCOL
 from tests.server.fakes import FakeLinks, sample

@@ -11,12 +11,12 @@ from pydantic import TypeAdapter
 
 from imuscope.server import wire
 from imuscope.server.api.answers import DeviceAnswer, JobAnswer, TrafficAnswer
-from imuscope.server.config import load
 from imuscope.server.configuration.rollback import RollbackStore
+from imuscope.server.diagnostics.metrics import LEVEL_LABELS
 from imuscope.server.library import decode
 from imuscope.server.links.source_url import SourceUrl
-from imuscope.server.metrics import LEVEL_LABELS
 from imuscope.server.previous_names import LEVELS, PreviousPaths, path_of, rename_folder
+from imuscope.server.settings.config import load
 from tests.each_row import each_row
 from tests.server_process import ROOT
 

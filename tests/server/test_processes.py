@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from imuscope.server.processes import program_of
+from imuscope.server.system.open_files import program_of
 from tests.each_row import each_row
 
 

@@ -14,7 +14,7 @@ import pytest
 from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.source import McapSource
-from imuscope.server import wire, wire_codec
+from imuscope.server import wire
 from imuscope.server.devices import protocol_set
 from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache, DecodeJob
@@ -31,6 +31,7 @@ from imuscope.server.library.range_query import (
 from imuscope.server.library.recording_detail import channels_of, detail
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
+from imuscope.server.wire import codec as wire_codec
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from starlette.types import Receive, Scope, Send
 
-from imuscope.server.rate_limit import ADDRESSES, AT_ONCE, IN_A_PASS, PER_S, READING, WAITING, RateLimiter
+from imuscope.server.access.rate_limit import ADDRESSES, AT_ONCE, IN_A_PASS, PER_S, READING, WAITING, RateLimiter
 from tests.manual_clock import ManualClock
 
 ONE = "/api/recordings/20261121T044324Z"

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.mcap.reader import McapReader
-from imuscope.server import wire_codec
 from imuscope.server.library.recorded_settings import settings_of
 from imuscope.server.library.recorder import RecordingOptions
+from imuscope.server.wire import codec as wire_codec
 from tests.each_row import each_row
 from tests.recordings.mcap_files import json_messages
 from tests.server.control_harness import SILENT, outputs

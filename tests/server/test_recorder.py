@@ -24,13 +24,13 @@ from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.config import Config, load
 from imuscope.server.devices import protocol_set
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.decode import decode
 from imuscope.server.library.recorder import RecordingOptions, plan_of
+from imuscope.server.settings.config import Config, load
 from tests.bench.tcp_device import TcpDevice
 from tests.recordings.mcap_files import json_messages
 from tests.server.fakes import FakeLinks, sample

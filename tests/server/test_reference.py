@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from imuscope.server import generated_files
-from imuscope.server.config import Config
+from imuscope.server.generators import files as generated_files
 from imuscope.server.reference.blocks import Code, Heading, Items, Paragraph, TableBlock, parse, to_html, to_markdown
 from imuscope.server.reference.pages import PAGES, ReferencePages
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

@@ -29,13 +29,14 @@ from imuscope.recordings.library.probe import probe
 from imuscope.recordings.mcap.reader import CHUNK, LARGEST_CHUNK, McapReader
 from imuscope.recordings.mcap.records import MAGIC
 from imuscope.recordings.system import resource_limits
-from imuscope.server import http_server, wire
-from imuscope.server.config import Config
-from imuscope.server.connections import ConnectionLimits
+from imuscope.server import wire
+from imuscope.server.http import server as http_server
+from imuscope.server.http.connections import ConnectionLimits
 from imuscope.server.library import range_query
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.links.replay import split_devices
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

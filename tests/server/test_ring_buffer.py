@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.server.streaming.ring_buffer import RingBuffer
-from imuscope.server.wire_codec import decode_samples
+from imuscope.server.wire.codec import decode_samples
 
 DTYPES = ["f4", "f4", "u1", "i8", "u2"]
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from imuscope.server.streaming.ring_buffer import RingBuffer
 from imuscope.server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
-from imuscope.server.wire_codec import decode_samples, encode_samples
+from imuscope.server.wire.codec import decode_samples, encode_samples
 
 NOTHING = HistoryStream({})
 

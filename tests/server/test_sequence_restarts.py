@@ -14,11 +14,11 @@ import pytest
 
 from imuscope.protocols.idtp.frames import LITE, SAFETY, SECURE, build
 from imuscope.server.cli import main
-from imuscope.server.config import Config
 from imuscope.server.devices import protocol_set
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.devices.sequence_store import MAX_DEVICES, SequenceStore, is_newer
 from imuscope.server.links.base import LinkError
+from imuscope.server.settings.config import Config
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.server.fakes import FakeFile, FakeLink, FakeLinks

@@ -14,11 +14,12 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
-from imuscope.server import wire, wire_codec
-from imuscope.server.config import Config
+from imuscope.server import wire
+from imuscope.server.services.timings import ViewerTimings
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
-from imuscope.server.timings import ViewerTimings
+from imuscope.server.wire import codec as wire_codec
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess

@@ -17,9 +17,10 @@ import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
-from imuscope.server import http_server, tls
-from imuscope.server.config import Config, ConfigError, load
-from imuscope.server.connections import ConnectionLimits
+from imuscope.server.http import server as http_server
+from imuscope.server.http import tls
+from imuscope.server.http.connections import ConnectionLimits
+from imuscope.server.settings.config import Config, ConfigError, load
 from tests.each_row import each_row
 from tests.server_process import imuscope
 from tests.timeouts import PATIENCE_S

@@ -10,8 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server import generate_route_types, generated_files, wire, wire_codec
+from imuscope.server import wire
+from imuscope.server.generators import files as generated_files
+from imuscope.server.generators import route_types as generate_route_types
 from imuscope.server.reference import typescript
+from imuscope.server.wire import codec as wire_codec
 from tests.each_row import each_row
 
 DTYPES = list(wire.Dtype.__args__)  # type: ignore[attr-defined]
@@ -125,7 +128,7 @@ def test_any_text_is_accepted_or_refused(text: str) -> None:
 
 @each_row("target", typescript.TARGETS, ids=lambda target: target.about)
 def test_types_of_the_page_are_not_stale(target: typescript.Target) -> None:
-    """Run `python -m imuscope.server.generate_ts_types` when this fails."""
+    """Run `python -m imuscope.server.generators.ts_types` when this fails."""
     assert target.path.read_text(encoding="utf-8") == typescript.generate(target)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.server.wire_codec import encode_samples
+from imuscope.server.wire.codec import encode_samples
 from tests.each_row import each_row
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "wire" / "frames.json"

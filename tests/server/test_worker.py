@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 from tests.each_row import each_row
 
 ECHO = "import json, sys; print(json.dumps({'asked': json.load(sys.stdin), 'words': sys.argv[1:]}))"

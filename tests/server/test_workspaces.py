@@ -12,9 +12,9 @@ import pytest
 from httpx import Client
 
 from imuscope.recordings.system import atomic_write
-from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
-from imuscope.server.workspaces import ANY, FOLDER, MAX_BYTES, MAX_NAME, WorkspaceStore, clean_name
+from imuscope.server.library.workspaces import ANY, FOLDER, MAX_BYTES, MAX_NAME, WorkspaceStore, clean_name
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -175,7 +175,7 @@ def test_a_damaged_file_hides_no_other(tmp_path: Path, damage: bytes) -> None:
 
 
 def test_there_is_an_end_to_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imuscope.server.workspaces.MAX_WORKSPACES", 2)
+    monkeypatch.setattr("imuscope.server.library.workspaces.MAX_WORKSPACES", 2)
     store = WorkspaceStore(tmp_path)
     first = store.put("one", workspace(), None)
     store.put("two", workspace(), None)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from imuscope.server.config import MapTiles, load
 from imuscope.server.extensions.foxglove.settings import FoxgloveSettings
 from imuscope.server.extensions.rerun.settings import RerunSettings
+from imuscope.server.settings.config import MapTiles, load
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.source_files import ROOT

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from imuscope.server import generate_docs, generate_ts_types, generated_files
+from imuscope.server.generators import docs as generate_docs
+from imuscope.server.generators import files as generated_files
+from imuscope.server.generators import ts_types as generate_ts_types
 
 
 def test_files_are_not_stale() -> None:
@@ -11,9 +13,9 @@ def test_files_are_not_stale() -> None:
         for path, text in generate_docs.documents(generated_files.document())
         if not path.exists() or path.read_text(encoding="utf-8") != text
     ]
-    assert stale == [], "run python -m imuscope.server.generate_docs"
+    assert stale == [], "run python -m imuscope.server.generators.docs"
 
 
 def test_routes_of_the_page_are_not_stale() -> None:
-    """Run `python -m imuscope.server.generate_ts_types` when this fails."""
+    """Run `python -m imuscope.server.generators.ts_types` when this fails."""
     assert generate_ts_types.ROUTES.read_text(encoding="utf-8") == generate_ts_types.generate_routes()

@@ -17,11 +17,11 @@ import pytest
 from starlette.routing import Route, WebSocketRoute
 
 from imuscope.server import wire
-from imuscope.server.app import create_app
-from imuscope.server.auth import Access, Guard, path_on_robot
-from imuscope.server.config import Config
-from imuscope.server.extension import extensions
-from imuscope.server.wire_codec import WireError, decode_text
+from imuscope.server.access.auth import Access, Guard, path_on_robot
+from imuscope.server.app.build import create_app
+from imuscope.server.services.extension import extensions
+from imuscope.server.settings.config import Config
+from imuscope.server.wire.codec import WireError, decode_text
 from tests.each_row import each_row
 from tests.server.asgi_client import ACCEPTED, Answer, Reached, ask
 

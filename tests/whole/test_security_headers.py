@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from imuscope.server.config import Config
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

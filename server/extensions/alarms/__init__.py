@@ -15,7 +15,7 @@ A code says for each sample whether the condition holds (BEYOND), it is within i
 how they were divided into batches.
 """
 
-from imuscope.server.extension import Extension
+from imuscope.server.services.extension import Extension
 
 EXTENSION = Extension(
     "alarms",

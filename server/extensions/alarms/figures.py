@@ -22,7 +22,7 @@ from imuscope.server.extensions.alarms.definitions import HealthCondition
 from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
 
 LOSS_S = 10.0
-RATE_S = 2.0  # of a rate: server/rate_meter.py
+RATE_S = 2.0  # of a rate: server/concurrency/rate_meter.py
 BEHIND_S = 0.5  # as on the page
 UNITS = {"rate": "Hz", "loss": "%", "silence": "s", "clock": "ms", "link": ""}
 SUBJECTS = {

@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from imuscope.server import wire
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.alarm_file import AlarmFile, lasting_name
 from imuscope.server.extensions.alarms.conditions import Rows, checked
@@ -28,12 +29,11 @@ from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url, sh
 from imuscope.server.extensions.analysis.channel_rates import ChannelRates, have_changed
 from imuscope.server.extensions.analysis.live_expression import RateUnknownError
 from imuscope.server.library.recorder import Recorder
-from imuscope.server.parts import ServicePart
-from imuscope.server.prometheus_text import PrometheusText
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore
-from imuscope.server.tasks import end_tasks
+from imuscope.server.text.prometheus import PrometheusText
 
 log = logging.getLogger("imuscope.alarms")
 

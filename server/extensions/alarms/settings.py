@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from imuscope.server.extension_settings import ExtensionSettings
+from imuscope.server.settings.extension_settings import ExtensionSettings
 
 FILE = "alarms.json"  # in the data folder
 

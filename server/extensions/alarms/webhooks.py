@@ -24,12 +24,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from imuscope.server import wire
-from imuscope.server.backoff import Backoff
+from imuscope.server.access.security_headers import WEBHOOK_HEADER
+from imuscope.server.concurrency.backoff import Backoff
+from imuscope.server.concurrency.limiters import TokenBucket
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.webhook_targets import TargetError, check_host, connect
-from imuscope.server.limiters import TokenBucket
-from imuscope.server.security_headers import WEBHOOK_HEADER
-from imuscope.server.tasks import end_tasks
 from imuscope.server.version import VERSION
 
 log = logging.getLogger("imuscope.alarms")

@@ -3,7 +3,7 @@
 Analyses are pure functions over columns (`methods/`), found by a registry; each request runs in a process of its own.
 """
 
-from imuscope.server.extension import Extension, ExtensionCommand
+from imuscope.server.services.extension import Extension, ExtensionCommand
 
 EXTENSION = Extension(
     "analysis",

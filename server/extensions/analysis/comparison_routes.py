@@ -29,8 +29,8 @@ from imuscope.server.extensions.analysis.routes import (
     response_of,
 )
 from imuscope.server.extensions.analysis.two_sides import Alignment, ComparisonAnswer, ComparisonOptions
-from imuscope.server.services import Services
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.services.services import Services
+from imuscope.server.wire.codec import to_json_safe
 
 router = lazy_router(prefix="/api/comparison", tags=["analysis"])
 

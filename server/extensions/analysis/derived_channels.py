@@ -24,14 +24,14 @@ from imuscope.server.extensions.analysis.live_streams import Piece
 from imuscope.server.extensions.analysis.quantities import Quantity
 from imuscope.server.extensions.analysis.signal_order import cycle_of, used_by
 from imuscope.server.library.signal_definitions import SignalDefinition, SignalDefinitions
-from imuscope.server.parts import ServicePart
+from imuscope.server.services.parts import ServicePart
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
 
 if TYPE_CHECKING:
-    from imuscope.server.services import Services
+    from imuscope.server.services.services import Services
 
 log = logging.getLogger("imuscope.signals")
 

@@ -38,7 +38,7 @@ from imuscope.server.extensions.analysis.service import AnalysisService
 from imuscope.server.extensions.analysis.signal_request import requested_signals
 from imuscope.server.extensions.analysis.signals import live_samples
 from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
-from imuscope.server.services import Services
+from imuscope.server.services.services import Services
 
 router = lazy_router(prefix="/api/analysis", tags=["analysis"])
 

@@ -17,17 +17,17 @@ from collections.abc import Awaitable, Callable, Iterator
 from typing import TYPE_CHECKING
 
 from imuscope.recordings.system.resource_limits import memory_of_one
+from imuscope.server.concurrency.fair_queue import FairQueue, QueueFullError
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.jobs import AnalysisJob, Content
 from imuscope.server.extensions.analysis.limits import LESS, AnalysisLimits
 from imuscope.server.extensions.analysis.settings import AnalysisSettings
-from imuscope.server.fair_queue import FairQueue, QueueFullError
-from imuscope.server.fork_server import ForkServer, JobLostError
-from imuscope.server.parts import ServicePart
-from imuscope.server.tasks import end_tasks
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.system.fork_server import ForkServer, JobLostError
 
 if TYPE_CHECKING:
-    from imuscope.server.services import Services
+    from imuscope.server.services.services import Services
 
 EACH = 1  # analyses of one user that run at once
 WAITING_EACH = 64

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from annotated_types import Interval, Unit
 
-from imuscope.server.extension_settings import ExtensionSettings
+from imuscope.server.settings.extension_settings import ExtensionSettings
 
 MIN_MB, MAX_MB = 64, 65_536
 

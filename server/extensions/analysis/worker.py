@@ -2,8 +2,8 @@
 
     python -m imuscope.server.extensions.analysis.worker MEMORY_MB TIME_S
 
-It is a fork server (server/fork_server.py): it imports what analyses need once, and has no threads. The answer of a job
-has the facts {"media"}, or {"kind", "message", "hint"} of an error.
+It is a fork server (server/system/fork_server.py): it imports what analyses need once, and has no threads. The answer
+of a job has the facts {"media"}, or {"kind", "message", "hint"} of an error.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from typing import Any
 from imuscope.recordings.system.priority import lower_priority
 from imuscope.recordings.system.resource_limits import TooLong, bounded, memory_in_use, memory_of_one
 from imuscope.server.errors import DomainError
-from imuscope.server.extension import extensions
 from imuscope.server.extensions.analysis.jobs import AnalysisJob
 from imuscope.server.extensions.analysis.limits import AnalysisLimits
 from imuscope.server.extensions.analysis.registry import load_analyses
-from imuscope.server.fork_server import JobAnswer, serve
+from imuscope.server.services.extension import extensions
+from imuscope.server.system.fork_server import JobAnswer, serve
 
 USED = (
     "scipy.fft",

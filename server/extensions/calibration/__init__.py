@@ -1,6 +1,6 @@
 """Calibration of inertial sensors and magnetometers from their own samples: fits, live sessions, exports."""
 
-from imuscope.server.extension import Extension, ExtensionCommand
+from imuscope.server.services.extension import Extension, ExtensionCommand
 
 EXTENSION = Extension(
     "calibration",

@@ -39,7 +39,7 @@ from imuscope.server.extensions.calibration.report import CalibrationKind, Calib
 from imuscope.server.extensions.calibration.session import CalibrationSessions, SessionState
 from imuscope.server.extensions.calibration.stretch import CalibrationJob
 from imuscope.server.library.recording_detail import channels_of
-from imuscope.server.services import Services
+from imuscope.server.services.services import Services
 from imuscope.server.wire import ChannelInfo
 
 router = lazy_router(prefix="/api", tags=["calibration"])

@@ -26,8 +26,8 @@ from imuscope.server.extensions.calibration.kinds import (
     method_for,
 )
 from imuscope.server.extensions.calibration.report import CalibrationReport
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore
 

@@ -3,7 +3,7 @@
 recording ──> columns ──> figures.py ──> routes.py, print_clocks.py
 """
 
-from imuscope.server.extension import Extension, ExtensionCommand
+from imuscope.server.services.extension import Extension, ExtensionCommand
 
 EXTENSION = Extension(
     "clocks",

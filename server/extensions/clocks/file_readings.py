@@ -28,7 +28,7 @@ from imuscope.server.api.errors import recording_errors, responses, unknown_reco
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recordings import OneEntry, still_recording
 from imuscope.server.errors import DomainError
-from imuscope.server.services import Services
+from imuscope.server.services.services import Services
 
 router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 

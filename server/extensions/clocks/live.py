@@ -12,9 +12,9 @@ from imuscope.server.devices.session import Session
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.clocks.memory_source import BYTES, RESULT, write_memory
 from imuscope.server.library.recording_session import about
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
-from imuscope.server.workers import Worker
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
+from imuscope.server.system.workers import Worker
 
 STOP_S = 2.0  # for a worker to end
 

@@ -23,8 +23,8 @@ from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.clocks.live_time import live_time
 from imuscope.server.extensions.clocks.memory_source import BYTES, RESULT, MemorySource
 from imuscope.server.library.decode import decode
-from imuscope.server.wire_codec import to_json_safe
-from imuscope.server.worker_process import begin
+from imuscope.server.system.worker_process import begin
+from imuscope.server.wire.codec import to_json_safe
 
 TOO_MUCH = "Measuring the clocks exceeds a limit of this machine."
 

@@ -1,6 +1,6 @@
 """GNSS corrections (RTCM 3) for devices: from a caster (NTRIP), a network address or a file."""
 
-from imuscope.server.extension import Extension
+from imuscope.server.services.extension import Extension
 
 EXTENSION = Extension(
     "corrections",

@@ -12,8 +12,8 @@ from imuscope.server.devices.link_member import LinkMember
 from imuscope.server.devices.sessions import Sessions
 from imuscope.server.extensions.corrections.log import LogSink, ignore
 from imuscope.server.extensions.corrections.stream import CorrectionForwarder
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 
 
 class CorrectionManager:

@@ -34,7 +34,8 @@ from imuscope.protocols.embedded.rtcm import RtcmFramer, epoch_ms
 from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.family.info import CorrectionInput, PositionFix
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.server.backoff import Backoff
+from imuscope.server.concurrency.backoff import Backoff
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.configuration.api_models import Corrections
 from imuscope.server.devices.position_tracker import PositionTracker
 from imuscope.server.extensions.corrections.log import CorrectionLog, LogSink, ignore
@@ -49,7 +50,6 @@ from imuscope.server.extensions.corrections.ntrip import (
 )
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.source_url import is_host, is_printable
-from imuscope.server.tasks import end_tasks
 from imuscope.server.wire import DeviceInfo
 
 log = logging.getLogger("imuscope.corrections")

@@ -8,7 +8,7 @@ Figures are those of every sample (server/extensions/analysis). Times in notes l
 file is written in a subprocess (worker.py) as a job of server/library/export_jobs.py.
 """
 
-from imuscope.server.extension import Extension, FileOutput
+from imuscope.server.services.extension import Extension, FileOutput
 
 EXTENSION = Extension(
     "evidence",

@@ -18,8 +18,8 @@ from imuscope.recordings.system.atomic_write import SHARED, write_atomic
 from imuscope.server.extensions.evidence.content import About, content_of
 from imuscope.server.extensions.evidence.document import document
 from imuscope.server.extensions.evidence.request import EvidenceRequest, request_of
+from imuscope.server.http.page_files import FOLDER
 from imuscope.server.library.export_worker import run
-from imuscope.server.page_files import FOLDER
 
 MOST_BYTES = 20_000_000  # of a file: what mail and ticket systems take
 PER_BYTE = 3 / 4  # of base64

@@ -36,7 +36,7 @@ The store needs `imuscope[fleet]`.
 docs/fleet.md describes the layout of a store for other programs.
 """
 
-from imuscope.server.extension import Extension, ExtensionCommand
+from imuscope.server.services.extension import Extension, ExtensionCommand
 
 EXTENSION = Extension(
     "fleet",

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from urllib.parse import urlsplit
 
-from imuscope.server.limiters import TokenBucket
+from imuscope.server.concurrency.limiters import TokenBucket
 
 PIECE = 4096
 BURST_S = 0.05

@@ -37,7 +37,7 @@ from imuscope.server.extensions.fleet.robots import Robots, TooManyRobotsError
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary
 from imuscope.server.extensions.fleet.unknown_fields import unknown_parts
-from imuscope.server.printable import printable
+from imuscope.server.text.printable import printable
 
 REQUEST_INTERVAL_S = 5.0
 CONFIRM_S = 300.0

@@ -19,7 +19,7 @@ from deltalake.schema import Field as DeltaField
 from deltalake.schema import Schema as DeltaSchema
 from deltalake.writer import write_deltalake
 
-from imuscope.server.backoff import Backoff
+from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.extensions.fleet.store import StoreError, StoreLocation, storage_errors
 from imuscope.server.extensions.fleet.tables import StoreTable
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from importlib.util import find_spec
 
-from imuscope.server.config import Config
 from imuscope.server.diagnostics.checks import Finding
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store import PACKAGES
+from imuscope.server.settings.config import Config
 
 ABOUT = "store"
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from imuscope.server.commands.serve import run
-from imuscope.server.config import Config, load
 from imuscope.server.devices.decode_options import secret_text
 from imuscope.server.errors import UsageError
 from imuscope.server.extensions.fleet.access import FleetAccessError, RouterSettings, as_document, read_robots
@@ -26,12 +25,13 @@ from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
 from imuscope.server.extensions.fleet.rollouts import RolloutFiles
 from imuscope.server.extensions.fleet.settings import FleetTables
-from imuscope.server.logging_setup import print_or_log
+from imuscope.server.settings.config import Config, load
+from imuscope.server.settings.logging_setup import print_or_log
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
-    from imuscope.server.auth import Access
+    from imuscope.server.access.auth import Access
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 
@@ -56,7 +56,7 @@ def serve_fleet(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
     def create(config: Config, access: Access) -> ASGIApp:
-        from imuscope.server.app import create_app
+        from imuscope.server.app.build import create_app
 
         try:
             server = create_fleet_server(config)

@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.bus import FleetBusError, open_bus
@@ -34,8 +35,7 @@ from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
 from imuscope.server.extensions.fleet.rollouts import RolloutFiles, Rollouts
 from imuscope.server.extensions.fleet.summaries import RobotSummary
 from imuscope.server.extensions.fleet.unknown_fields import PARTS
-from imuscope.server.prometheus_text import PrometheusText
-from imuscope.server.tasks import end_tasks
+from imuscope.server.text.prometheus import PrometheusText
 
 if TYPE_CHECKING:
     import zenoh

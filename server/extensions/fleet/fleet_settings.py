@@ -13,7 +13,7 @@ from typing import Annotated
 
 from annotated_types import Interval, Unit
 
-from imuscope.server.setting_types import Form, empty_or, is_router_address, zero_or
+from imuscope.server.settings.setting_types import Form, empty_or, is_router_address, zero_or
 
 _RouterOfRobot = Annotated[
     str,

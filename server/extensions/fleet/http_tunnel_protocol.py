@@ -28,7 +28,7 @@ from imuscope.server.extensions.fleet.reports import Boot
 
 MAX_BODY = 256 * 1024  # bytes of a request
 MAX_PART = 16 * 1024
-MAX_CLIENT_MESSAGE = 64 * 1024  # as of every browser (server/http_server.py)
+MAX_CLIENT_MESSAGE = 64 * 1024  # as of every browser (server/http/server.py)
 MAX_REQUEST = MAX_BODY + 128 * 1024
 MAX_ANSWER = 64 * 1024
 MAX_OPEN = 64  # streams of a robot

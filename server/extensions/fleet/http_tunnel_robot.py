@@ -23,6 +23,8 @@ from urllib.parse import quote
 import msgspec
 
 from imuscope.server import wire
+from imuscope.server.access.route_rules import RouteRules
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.flow_control import Window
@@ -45,9 +47,7 @@ from imuscope.server.extensions.fleet.http_tunnel_protocol import (
 from imuscope.server.extensions.fleet.inbox import Inbox
 from imuscope.server.extensions.fleet.summaries import PagesAllowed
 from imuscope.server.previous_names import path_of
-from imuscope.server.printable import printable
-from imuscope.server.route_rules import RouteRules
-from imuscope.server.tasks import end_tasks
+from imuscope.server.text.printable import printable
 
 if TYPE_CHECKING:
     import zenoh

@@ -41,8 +41,8 @@ from imuscope.server.extensions.fleet.http_tunnel_protocol import (
 )
 from imuscope.server.extensions.fleet.inbox import Inbox
 from imuscope.server.extensions.fleet.summaries import RobotSummary
-from imuscope.server.printable import printable
-from imuscope.server.prometheus_text import PrometheusText
+from imuscope.server.text.printable import printable
+from imuscope.server.text.prometheus import PrometheusText
 
 if TYPE_CHECKING:
     import zenoh

@@ -73,7 +73,7 @@ def _operator(line: str, before: list[Operator]) -> Operator:
 
 
 class Operators:
-    """Rights of operators (server/auth.py: PartialRights).
+    """Rights of operators (server/access/auth.py: PartialRights).
 
     Args:
         robot, rollout: the group of a robot, and that of a rollout.

@@ -22,6 +22,7 @@ from imuscope.server.api.dependencies import TheServices, while_connected
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.static_files import HEADERS as PAGE_HEADERS
 from imuscope.server.api.static_files import serve
+from imuscope.server.concurrency.tasks import until_one_ends
 from imuscope.server.errors import DomainError, status_of
 from imuscope.server.extensions.fleet.http_tunnel_protocol import (
     MAX_BODY,
@@ -35,8 +36,7 @@ from imuscope.server.extensions.fleet.http_tunnel_robot import HEADERS
 from imuscope.server.extensions.fleet.http_tunnel_server import PageStream
 from imuscope.server.extensions.fleet.robot_routes import TheFleetServer, fleet_server_of
 from imuscope.server.previous_names import path_of
-from imuscope.server.printable import printable
-from imuscope.server.tasks import until_one_ends
+from imuscope.server.text.printable import printable
 
 router = lazy_router(include_in_schema=False)
 

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from imuscope.server.extensions.fleet.query_service import QueryService
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.uploads import UploadService
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 
 
 def parts(services: Services) -> Iterator[ServicePart]:

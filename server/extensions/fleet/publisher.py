@@ -21,7 +21,9 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from imuscope.server import wire
-from imuscope.server.config import Config
+from imuscope.server.access.route_rules import RouteRules
+from imuscope.server.concurrency.limiters import TokenBucket
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.bus import FleetBusError, client_settings, open_bus
 from imuscope.server.extensions.fleet.device_figures import DeviceFigures, clipped
@@ -33,10 +35,8 @@ from imuscope.server.extensions.fleet.robot_settings import allowed_pages, crede
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary, with_hysteresis
-from imuscope.server.limiters import TokenBucket
-from imuscope.server.route_rules import RouteRules
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.telemetry import Telemetry
-from imuscope.server.tasks import end_tasks
 from imuscope.server.version import VERSION
 
 if TYPE_CHECKING:

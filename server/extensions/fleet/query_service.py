@@ -20,10 +20,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from imuscope.server.concurrency.fair_queue import FairQueue, QueueFullError, Turn
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.store_settings import StoreSettings
-from imuscope.server.fair_queue import FairQueue, QueueFullError, Turn
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 
 EACH = 1  # questions of one user that run at once
 WAITING_EACH = 8

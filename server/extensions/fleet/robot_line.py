@@ -14,7 +14,7 @@ import msgspec
 from imuscope.server.errors import KINDS, DomainError
 from imuscope.server.extensions.fleet.http_tunnel_protocol import EndStream, OpenStream, ResponseHead, ResponsePart
 from imuscope.server.extensions.fleet.http_tunnel_server import PageStream, RobotPages
-from imuscope.server.printable import printable
+from imuscope.server.text.printable import printable
 
 ANSWER_S = 30.0
 MAX_ANSWER = 2 * 1024 * 1024  # bytes

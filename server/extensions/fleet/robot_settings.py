@@ -6,11 +6,11 @@ import os
 import platform
 from typing import TYPE_CHECKING
 
-from imuscope.server.config import ConfigError
 from imuscope.server.devices.decode_options import secret_text
 from imuscope.server.extensions.fleet import keys
 from imuscope.server.extensions.fleet.bus import BusCredentials, is_loopback_address
 from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
+from imuscope.server.settings.config import ConfigError
 
 if TYPE_CHECKING:
     from imuscope.server.extensions.fleet.summaries import PagesAllowed

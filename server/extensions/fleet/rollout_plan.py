@@ -23,7 +23,7 @@ from imuscope.server.extensions.fleet.rollout_models import (
     RolloutChanges,
 )
 from imuscope.server.extensions.fleet.summaries import RobotSummary
-from imuscope.server.wire_codec import to_json_safe
+from imuscope.server.wire.codec import to_json_safe
 
 MAX_DEVICES = 5000
 

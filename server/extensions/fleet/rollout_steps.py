@@ -29,7 +29,7 @@ from imuscope.server.extensions.fleet.reports import ReportError
 from imuscope.server.extensions.fleet.robot_line import LineError, RobotLine
 from imuscope.server.extensions.fleet.rollout_models import UNKNOWN, RolloutDeviceState
 from imuscope.server.extensions.fleet.rollout_plan import DeviceChange
-from imuscope.server.printable import printable
+from imuscope.server.text.printable import printable
 
 RATE_SHARE, RATE_MESSAGES = 0.05, 2.0
 """How far the number of messages may be from the expected one: the larger of a share and a number."""

@@ -21,6 +21,7 @@ from pathlib import Path
 from imuscope.protocols.commands.transactions import DeviceDriver
 from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import read_regular
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
 from imuscope.server.extensions.fleet.http_tunnel_server import RobotPages
@@ -39,7 +40,6 @@ from imuscope.server.extensions.fleet.rollout_models import (
 from imuscope.server.extensions.fleet.rollout_plan import DeviceChange, GroupPlan, plan_of
 from imuscope.server.extensions.fleet.rollout_steps import DeviceRollout, RolloutTiming
 from imuscope.server.extensions.fleet.summaries import RobotSummary
-from imuscope.server.tasks import end_tasks
 
 log = logging.getLogger("imuscope.fleet")
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from imuscope.server.extension_settings import ExtensionSettings
 from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings, FleetSettings
 from imuscope.server.extensions.fleet.store_settings import STORE_FORMS, StoreSettings
+from imuscope.server.settings.extension_settings import ExtensionSettings
 
 
 @dataclass(frozen=True, slots=True)

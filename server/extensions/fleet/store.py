@@ -23,10 +23,10 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from imuscope.recordings.errors import ExplainedError
-from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.bandwidth_proxy import LimitedLine
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store_settings import STORE_FORMS
+from imuscope.server.settings.config import Config
 
 RETRY_S = 60
 MAX_RETRIES = 8

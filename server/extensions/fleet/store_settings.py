@@ -18,7 +18,7 @@ from typing import Annotated
 
 from annotated_types import Interval, Unit
 
-from imuscope.server.setting_types import empty_or, zero_or
+from imuscope.server.settings.setting_types import empty_or, zero_or
 
 STORE_FORMS = "a folder, file:///folder, s3://bucket/prefix, az://container/prefix or gs://bucket/prefix"
 MIN_QUERY_MB, MAX_QUERY_MB = 64, 1 << 24

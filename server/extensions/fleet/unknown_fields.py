@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from imuscope.server import wire
-from imuscope.server.printable import json_text, printable
+from imuscope.server.text.printable import json_text, printable
 
 if TYPE_CHECKING:
     from imuscope.server.extensions.fleet.reports import RobotReport

@@ -26,7 +26,7 @@ from imuscope.server.extensions.fleet.fetch import NotInStoreError, verify
 from imuscope.server.extensions.fleet.recording_digest import recording_id
 from imuscope.server.extensions.fleet.store import AGAIN, StoreError, limited, location
 from imuscope.server.extensions.fleet.upload import upload
-from imuscope.server.worker_process import begin, progress_reports
+from imuscope.server.system.worker_process import begin, progress_reports
 
 
 def main() -> int:

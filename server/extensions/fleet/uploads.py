@@ -25,8 +25,8 @@ from typing import Any, Literal
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.system import file_lock
-from imuscope.server.backoff import Backoff
-from imuscope.server.config import Config
+from imuscope.server.concurrency.backoff import Backoff
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.extensions.fleet.robot_settings import robot_name
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.upload_cleanup import edits_of, next_to_go
@@ -34,10 +34,10 @@ from imuscope.server.extensions.fleet.upload_log import UploadLog, UploadOutcome
 from imuscope.server.extensions.fleet.upload_rules import pause_until, refusal
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.compaction_worker import CompactionWorker
-from imuscope.server.prometheus_text import PrometheusText
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.bus import TelemetryBus
-from imuscope.server.tasks import end_tasks
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
+from imuscope.server.text.prometheus import PrometheusText
 
 log = logging.getLogger("imuscope.uploads")
 

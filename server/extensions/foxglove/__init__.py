@@ -1,6 +1,6 @@
 """Live devices for viewers of the Foxglove WebSocket protocol, on a port of its own and at /foxglove."""
 
-from imuscope.server.extension import Extension
+from imuscope.server.services.extension import Extension
 
 EXTENSION = Extension(
     "foxglove",

@@ -32,7 +32,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from imuscope.server.tasks import end_tasks
+from imuscope.server.concurrency.tasks import end_tasks
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 DATA = struct.Struct("<BIQ")

@@ -4,8 +4,8 @@
     ws://HOST:8080/foxglove         through our own port, with its TLS
 
 The first listens on loopback only, whatever --host is; other machines can use only the second. The same rules apply to
-both (server/auth.py): if the server needs a token, each needs it (?token=…), and the web application of Foxglove is a
-foreign page whose origin must be in `allowed_origins`.
+both (server/access/auth.py): if the server needs a token, each needs it (?token=…), and the web application of Foxglove
+is a foreign page whose origin must be in `allowed_origins`.
 
 The protocol runs in a subprocess (server/extensions/foxglove/worker.py), which is started after the server and
 restarted after a crash with growing delays.
@@ -18,13 +18,13 @@ import logging
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from imuscope.server.auth import Access
-from imuscope.server.backoff import Backoff
+from imuscope.server.access.auth import Access
+from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.extensions.foxglove.settings import FoxgloveSettings
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
 from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess, ViewError
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.foxglove.worker"

@@ -6,8 +6,8 @@ import argparse
 from dataclasses import dataclass
 from typing import Annotated
 
-from imuscope.server.extension_settings import ExtensionSettings
-from imuscope.server.setting_types import Form
+from imuscope.server.settings.extension_settings import ExtensionSettings
+from imuscope.server.settings.setting_types import Form
 
 PORT = 8765
 

@@ -2,8 +2,8 @@
 
     input:   {"op": "serve", "port": …,      start on a loopback port (0: any free one)
               "secret": …, "rules": {…}}     clients with the secret come through our own port and were checked there;
-                                             others are checked here by the same rules (server/auth.py): settings of
-                                             Config
+                                             others are checked here by the same rules (server/access/auth.py): settings
+                                             of Config
     output:  {"op": "served", "port": …} or {"op": "failed", "why": …}
 
 Every channel becomes a topic of JSON messages (recordings/exporters/topics.py), every attitude a
@@ -32,14 +32,14 @@ from imuscope.recordings.exporters import standard_schemas
 from imuscope.recordings.exporters.entities import Attitude, DeviceEntity, PositionEntity, devices_of
 from imuscope.recordings.exporters.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
 from imuscope.recordings.file_names import device_names
-from imuscope.server.auth import Access, RefusedError
-from imuscope.server.config import Config
+from imuscope.server.access.auth import Access, RefusedError
 from imuscope.server.errors import status_of
 from imuscope.server.extensions.foxglove.protocol_server import FoxgloveServer
 from imuscope.server.integrations.shared_secret import has_secret
 from imuscope.server.integrations.viewer_client import ViewerClient
+from imuscope.server.settings.config import Config
 from imuscope.server.version import VERSION
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 LISTS = ("allowed_hosts", "allowed_origins")  # JSON has no tuples
 PATH = "/foxglove"  # on our own port: the same rules apply
@@ -230,7 +230,7 @@ class FoxgloveBridge:
 
 def main() -> None:
     """Run until standard input ends."""
-    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # server/auth.py logs refusals
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # server/access/auth.py logs refusals
     client = ViewerClient()
     bridge = FoxgloveBridge(client)
     client.on_events = bridge.events

@@ -1,6 +1,6 @@
 """The Rerun viewer at /rerun/, and a stream to one on another machine."""
 
-from imuscope.server.extension import Extension
+from imuscope.server.services.extension import Extension
 
 EXTENSION = Extension(
     "rerun",

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from imuscope.server import wire
-from imuscope.server.backoff import Backoff
+from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
 from imuscope.server.streaming.telemetry import Telemetry
 

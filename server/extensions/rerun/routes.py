@@ -30,11 +30,11 @@ from imuscope.server.api.errors import bytes_of, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.recording_data import OneStore
 from imuscope.server.api.static_files import HEADERS
+from imuscope.server.concurrency.tasks import until_one_ends
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.assets import NAMES, folder_of, viewer_files
 from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
 from imuscope.server.extensions.rerun.service import Rerun, RerunFeed, RerunViewer, recording_stream
-from imuscope.server.tasks import until_one_ends
 
 router = lazy_router()
 

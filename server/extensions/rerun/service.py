@@ -26,10 +26,10 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.remote import RemoteRerun
 from imuscope.server.extensions.rerun.settings import RerunSettings
 from imuscope.server.integrations.viewer_process import ViewerProcess, ViewError
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
-from imuscope.server.workers import Worker
+from imuscope.server.system.workers import Worker
 
 log = logging.getLogger("imuscope.views")
 

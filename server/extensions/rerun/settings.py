@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass
 from typing import Annotated
 
-from imuscope.server.extension_settings import ExtensionSettings
-from imuscope.server.setting_types import empty_or
+from imuscope.server.settings.extension_settings import ExtensionSettings
+from imuscope.server.settings.setting_types import empty_or
 
 _ADDRESS = re.compile(r"rerun(\+https?)?://[^/\s]+/proxy")
 

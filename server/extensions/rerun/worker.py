@@ -30,7 +30,7 @@ from imuscope.server.extensions.rerun.rrd import chunks, static
 from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
 from imuscope.server.extensions.rerun.rrd.chunks import Array, Times, nanoseconds
 from imuscope.server.integrations.viewer_client import ViewerClient
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 PERIOD_S = 0.05
 PAUSE_S = 0.5  # minimum time between two layouts

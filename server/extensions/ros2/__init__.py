@@ -1,6 +1,6 @@
 """ROS 2 over Zenoh, as rmw_zenoh defines it: names on the wire, attachments, types. No ROS installation is needed."""
 
-from imuscope.server.extension import Extension
+from imuscope.server.services.extension import Extension
 
 EXTENSION = Extension(
     "ros2",

@@ -32,7 +32,7 @@ from imuscope.server.extensions.ros2.key_expressions import name_of, node_names
 from imuscope.server.extensions.ros2.message_builder import FrameNames, MessageBuilder
 from imuscope.server.extensions.ros2.messages import builders_of, clock_builder
 from imuscope.server.extensions.ros2.quantities import HINT, Place, recorded_quantities
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 ROWS = 512  # of the busiest channel at once: fewer than a join keeps
 ATTITUDE, TRANSFORM = "imu/data", "/tf"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator
 
-from imuscope.server.config import Config
 from imuscope.server.diagnostics.checks import Finding
 from imuscope.server.extensions.ros2.session import router_host
 from imuscope.server.extensions.ros2.settings import Ros2Settings
+from imuscope.server.settings.config import Config
 
 ABOUT = "ROS 2"
 CONNECT_S = 1.0

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from imuscope.server.concurrency.rate_meter import RateMeter
 from imuscope.server.extensions.ros2.attachment import Attachment, gid_of
 from imuscope.server.extensions.ros2.key_expressions import (
     KeyExpressionError,
@@ -22,7 +23,6 @@ from imuscope.server.extensions.ros2.key_expressions import (
     parse_token,
 )
 from imuscope.server.extensions.ros2.type_support import type_hash
-from imuscope.server.rate_meter import RateMeter
 
 Session = Any  # zenoh.Session: its stubs miss return types
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from imuscope.recordings.exporters.topics import stamps
 from imuscope.server.extensions.ros2.axes import Floats
 from imuscope.server.extensions.ros2.quantities import Place
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 Times = NDArray[np.int64]
 

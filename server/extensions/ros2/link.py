@@ -22,6 +22,7 @@ import contextlib
 import threading
 from typing import TYPE_CHECKING, Any
 
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.extensions.ros2.attachment import Attachment, AttachmentError, gid_of
 from imuscope.server.extensions.ros2.key_expressions import (
     ANY_HASH,
@@ -42,7 +43,6 @@ from imuscope.server.links.message_link import MessageLink, SeenTopic, TopicSour
 from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.source_url import SourceUrl, bad
 from imuscope.server.links.text import progress_line
-from imuscope.server.tasks import end_tasks
 
 if TYPE_CHECKING:
     import zenoh

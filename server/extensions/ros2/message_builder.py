@@ -14,7 +14,7 @@ from imuscope.server.extensions.ros2.axes import Floats, body_vectors, enu_from_
 from imuscope.server.extensions.ros2.cdr_rows import RowEncoder, stamp_columns
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin
 from imuscope.server.extensions.ros2.quantities import DeviceQuantities, Place
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 Samples = Mapping[int, Sequence[SampleFrame]]
 Columns = dict[str, object]

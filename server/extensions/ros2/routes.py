@@ -9,7 +9,7 @@ from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.extensions.ros2.service import Ros2
 from imuscope.server.extensions.ros2.settings import Ros2Settings
-from imuscope.server.services import Services
+from imuscope.server.services.services import Services
 
 router = lazy_router(prefix="/api/ros2", tags=["ros2"])
 

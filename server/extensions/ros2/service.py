@@ -19,8 +19,7 @@ from typing import Any
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server import wire
-from imuscope.server.backoff import Backoff
-from imuscope.server.config import Config
+from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.devices.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
@@ -30,8 +29,9 @@ from imuscope.server.extensions.ros2.key_expressions import name_of
 from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.extensions.ros2.switches import TopicSwitches
 from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.ros2.worker"

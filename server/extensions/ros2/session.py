@@ -16,7 +16,7 @@ import ipaddress
 import json
 from typing import TYPE_CHECKING, Any
 
-from imuscope.server.setting_types import is_router_address
+from imuscope.server.settings.setting_types import is_router_address
 
 if TYPE_CHECKING:
     import zenoh

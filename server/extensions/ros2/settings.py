@@ -14,9 +14,9 @@ from typing import Annotated, Any
 from annotated_types import Interval
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
-from imuscope.server.extension_settings import ExtensionSettings
 from imuscope.server.extensions.ros2.covariances import noise_of
-from imuscope.server.setting_types import Form, is_router_address, one_of
+from imuscope.server.settings.extension_settings import ExtensionSettings
+from imuscope.server.settings.setting_types import Form, is_router_address, one_of
 
 VARIABLE = "ROS_DOMAIN_ID"
 MAX_DOMAIN = 232  # what DDS allows; rmw_zenoh has no limit of its own

@@ -31,7 +31,7 @@ from imuscope.server.extensions.ros2.messages import DIAGNOSTICS, builders_of
 from imuscope.server.extensions.ros2.quantities import DeviceQuantities, quantities_of
 from imuscope.server.extensions.ros2.session import ZenohSessionError, is_elsewhere, open_session, router_host
 from imuscope.server.integrations.viewer_client import ViewerClient
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 TICK_S = 1.0
 ROUTER_S = 4.0  # time for a router to answer, before it is reported as absent
@@ -41,7 +41,7 @@ DIAGNOSTICS_TOPIC, TRANSFORM_TOPIC = "/diagnostics", "/tf"
 
 @dataclass(frozen=True, slots=True)
 class Ros2WorkerSettings:
-    """Settings of the publisher (server/config.py)."""
+    """Settings of the publisher (server/settings/config.py)."""
 
     router: str
     domain: int = 0

@@ -1,6 +1,6 @@
 """Declaration of shared ports."""
 
-from imuscope.server.extension import Extension, ExtensionCommand
+from imuscope.server.services.extension import Extension, ExtensionCommand
 
 EXTENSION = Extension(
     "shares",

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from imuscope.recordings.system.priority import PERMIT, has_raised_priority
-from imuscope.server.config import Config
 from imuscope.server.diagnostics.checks import Finding
 from imuscope.server.errors import UsageError
 from imuscope.server.extensions.shares.holder.settings import MODULE
@@ -24,8 +23,9 @@ from imuscope.server.links import LinkSettings, open_link, steady_clock
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.serial import SerialLink
 from imuscope.server.links.tcp import TcpLink
-from imuscope.server.processes import ROOT as ROOT_FOLDER
-from imuscope.server.processes import process_folders
+from imuscope.server.settings.config import Config
+from imuscope.server.system.open_files import ROOT as ROOT_FOLDER
+from imuscope.server.system.open_files import process_folders
 
 
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:

@@ -29,10 +29,10 @@ from imuscope.server.extensions.shares.shared_port_link import ClientData, Share
 from imuscope.server.links.base import Link, LinkError
 from imuscope.server.links.serial import SerialLink
 from imuscope.server.links.tcp import TcpLink
-from imuscope.server.parts import ServicePart
-from imuscope.server.processes import programs_with
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 from imuscope.server.streaming.bus import TelemetryBus
+from imuscope.server.system.open_files import programs_with
 
 MOST_SHARES = 8
 POLL_S = 0.02

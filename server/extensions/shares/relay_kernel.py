@@ -16,7 +16,7 @@ import numpy as np
 
 from imuscope.protocols.native.kernels import FOUR, INT, LibraryFunction, TupleType, compiled, library_place
 from imuscope.server.extensions.shares.holder.messages import MessageKind
-from imuscope.server.read_kernel import SECOND_NS, clock_gettime, ppoll, read
+from imuscope.server.links.read_kernel import SECOND_NS, clock_gettime, ppoll, read
 
 READ_BYTES = 1 << 12
 ROOM = 1 << 15  # bytes for the server, of which the last read must have room

@@ -15,7 +15,7 @@ from imuscope.server.devices.session import Session
 from imuscope.server.extensions.shares.client_changes import SettingsChange
 from imuscope.server.extensions.shares.port_shares import PortShares, client_name, speaker_name
 from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
-from imuscope.server.services import Services
+from imuscope.server.services.services import Services
 
 router = lazy_router(prefix="/api/devices/{device}/shares", tags=["shares"])
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from imuscope.server.extension_settings import ExtensionSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
+from imuscope.server.settings.extension_settings import ExtensionSettings
 
 if TYPE_CHECKING:
-    from imuscope.server.config import Config
+    from imuscope.server.settings.config import Config
 
 OPTION = "--share"
 

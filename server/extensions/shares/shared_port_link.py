@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from imuscope.server.concurrency.listeners import CallbackList
 from imuscope.server.extensions.shares import relay_kernel
 from imuscope.server.extensions.shares.holder.messages import (
     CLIENT,
@@ -39,7 +40,6 @@ from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
 from imuscope.server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
 from imuscope.server.links.serial import PARITIES, SerialLink, cannot_open, latency_notices
 from imuscope.server.links.tcp import TcpLink
-from imuscope.server.listeners import CallbackList
 
 ROOT = Path(__file__).absolute().parents[4]  # holds imuscope/
 GREETING_S = 5.0  # until a holder that runs says who it is

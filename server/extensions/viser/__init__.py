@@ -1,6 +1,6 @@
 """3D scene of the devices, by viser, at /viser/."""
 
-from imuscope.server.extension import Extension
+from imuscope.server.services.extension import Extension
 
 EXTENSION = Extension(
     "viser",

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 MESSAGES_PER_S = 30.0
 ON_ITS_WAY_S = 0.012

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from imuscope.protocols.rotations import Quaternion, Vector, quaternions
 from imuscope.recordings.exporters import entities, enu
 from imuscope.server.extensions.viser.playout_buffer import PlayoutBuffer
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 Floats = NDArray[np.float64]
 Info = Mapping[str, Any]

@@ -24,13 +24,13 @@ from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.api.static_files import HEADERS
+from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.viser.replay_sync import ReplayFollower
 from imuscope.server.extensions.viser.service import Viser
-from imuscope.server.http_server import MAX_FROM_VIEWER
+from imuscope.server.http.server import MAX_FROM_VIEWER
 from imuscope.server.integrations.proxy import VIEWER_POLICY, fetch, reject, relay
 from imuscope.server.integrations.viewer_process import PER_S
-from imuscope.server.tasks import end_tasks
 
 router = lazy_router()
 

@@ -29,8 +29,8 @@ from imuscope.server.extensions.viser.playout_buffer import MESSAGES_PER_S
 from imuscope.server.extensions.viser.replay_sync import ReplayFollower
 from imuscope.server.integrations.shared_secret import SecretEndpoint, new_secret
 from imuscope.server.integrations.viewer_process import ViewerProcess, ViewError
-from imuscope.server.parts import ServicePart
-from imuscope.server.services import Services
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.viser.worker"

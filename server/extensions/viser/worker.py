@@ -20,7 +20,7 @@ import numpy as np
 from imuscope.server.extensions.viser.poses import TRACK_S, DeviceView, device_views
 from imuscope.server.extensions.viser.scene import Scene
 from imuscope.server.integrations.viewer_client import ViewerClient
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 SHOWN_PER_S = 60.0
 

@@ -12,11 +12,11 @@ import pytest
 
 from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.server import wire
-from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms import preview
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
 from imuscope.server.extensions.alarms.preview import judge_of, preview_of, recorded_preview
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_rows import ChannelRows
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink

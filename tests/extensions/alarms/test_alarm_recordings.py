@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from imuscope.recordings.mcap.reader import TIME, McapReader
-from imuscope.server.config import Config
 from imuscope.server.extensions.alarms.definitions import RecordingAction
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.manual_clock import ManualClock
 from tests.recordings.mcap_files import json_messages

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from imuscope.server.config import Config
+from imuscope.server.access.security_headers import WEBHOOK_HEADER
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.alarm_file import AlarmFile
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
@@ -24,7 +24,7 @@ from imuscope.server.extensions.alarms.webhooks import (
     post,
     shown_url,
 )
-from imuscope.server.security_headers import WEBHOOK_HEADER
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 from tests.extensions.alarms.webhook_receiver import Receiver, receiver, receiving

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.config import Config
 from imuscope.server.extensions.alarms.alarm_file import UNREADABLE
 from imuscope.server.extensions.alarms.service import MAX_ALARMS
 from imuscope.server.extensions.alarms.settings import FILE
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLinks, sample
 from tests.server.in_process_server import InProcessServer

@@ -20,13 +20,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.server import wire
-from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.methods.statistics import run
 from imuscope.server.extensions.analysis.registry import Analysis, analyses, analysis_named, register_analysis
 from imuscope.server.extensions.analysis.report import figures_of
 from imuscope.server.extensions.analysis.service import AnalysisService
 from imuscope.server.extensions.analysis.signals import Signal, columns_named, finite_signal
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer, table_server

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.xbus.frames import build
 from imuscope.server.cli import main
-from imuscope.server.page_files import FOLDER
+from imuscope.server.http.page_files import FOLDER
 from tests.extensions.evidence.evidence_harness import content_in
 
 RATE = 100

@@ -19,7 +19,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.jobs import AnalysisJob, Content
 from imuscope.server.extensions.analysis.limits import AnalysisLimits
 from imuscope.server.extensions.analysis.service import AnalysisService
-from imuscope.server.fork_server import ForkServer, JobLostError
+from imuscope.server.system.fork_server import ForkServer, JobLostError
 from tests.each_row import each_row
 from tests.forked_workers import started_afresh
 from tests.processes import is_running

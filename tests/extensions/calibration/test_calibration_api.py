@@ -16,7 +16,6 @@ import yaml
 
 from imuscope.protocols.simulator.setups import HARD_IRON, SOFT_IRON, SensorSetup
 from imuscope.server import wire
-from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.service import AnalysisService
@@ -24,6 +23,7 @@ from imuscope.server.extensions.calibration.kinds import CalibrationInputs
 from imuscope.server.extensions.calibration.session import MAX_SAMPLES, SampleCollector
 from imuscope.server.extensions.calibration.stretch import CalibrationJob
 from imuscope.server.links import open_link
+from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.channel_store import ChannelStore
 from tests.each_row import each_row

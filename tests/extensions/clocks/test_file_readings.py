@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.config import Config
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
 from tests.server.fakes import FakeLink

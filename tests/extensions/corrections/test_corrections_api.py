@@ -13,10 +13,10 @@ from httpx import Client
 
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.server.api.devices import check_path
-from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.corrections.manager import CorrectionManager
 from imuscope.server.extensions.corrections.stream import file_of
+from imuscope.server.settings.config import Config
 from tests.server.correction_messages import NUMBERS, STREAM
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

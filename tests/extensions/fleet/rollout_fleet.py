@@ -14,7 +14,6 @@ from typing import Any
 import httpx
 import pytest
 
-from imuscope.server.config import Config
 from imuscope.server.devices.protocol_set import all_protocols
 from imuscope.server.extensions.fleet import fleet_server, publisher
 from imuscope.server.extensions.fleet.fleet_command import create_fleet_server
@@ -22,6 +21,7 @@ from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings,
 from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.links import open_link
+from imuscope.server.settings.config import Config
 from tests.extensions.fleet.tcp_proxy import TcpProxy
 from tests.free_ports import free_port
 from tests.server.in_process_server import InProcessServer

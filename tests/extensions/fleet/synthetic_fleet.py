@@ -14,10 +14,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.reports import RobotDevice
 from imuscope.server.extensions.fleet.robots import Robots
 from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotSummary
+from imuscope.server.settings.config import Config
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import httpx
 import pytest
 
-from imuscope.server.config import Config
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.fleet_alarms import FILE, FleetAlarms
 from imuscope.server.extensions.fleet.fleet_command import create_fleet_server
@@ -17,6 +16,7 @@ from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings
 from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import RobotSummary
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.extensions.alarms.webhook_receiver import Receiver, receiver
 from tests.extensions.fleet.fleet_robot import FleetRobot

@@ -8,10 +8,10 @@ from pathlib import Path
 import httpx
 import pytest
 
-from imuscope.server.auth import Access, Guard
-from imuscope.server.config import Config
+from imuscope.server.access.auth import Access, Guard
 from imuscope.server.extensions.fleet.access import FleetAccessError
 from imuscope.server.extensions.fleet.operators import Operators, read_operators
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.extensions.fleet.robot_with_pages import CONTROL, VIEW, base, commands, fleet_of, token
 from tests.server.asgi_client import Answer, Reached, ask

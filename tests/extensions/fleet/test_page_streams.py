@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from imuscope.server.access.route_rules import RouteRules
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet import http_tunnel_robot, http_tunnel_server
 from imuscope.server.extensions.fleet.access import RouterSettings
@@ -32,7 +33,6 @@ from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
 from imuscope.server.extensions.fleet.http_tunnel_server import PageStream, RobotPages
 from imuscope.server.extensions.fleet.reports import RobotStatus
 from imuscope.server.extensions.fleet.status_summary import summary_of
-from imuscope.server.route_rules import RouteRules
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.waiting import until

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.cli import main
-from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
 from imuscope.server.extensions.fleet.publisher import report_budget
 from imuscope.server.extensions.fleet.robot_settings import FleetSettingsError, credentials_of, robot_name
 from imuscope.server.extensions.fleet.settings import FleetTables
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 
 

@@ -17,7 +17,6 @@ import pyarrow.parquet as pq
 import pytest
 from deltalake import DeltaTable
 
-from imuscope.server.config import Config
 from imuscope.server.devices.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.settings import FleetTables
@@ -25,7 +24,8 @@ from imuscope.server.extensions.fleet.store import location
 from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.extensions.fleet.tables import TABLES
 from imuscope.server.extensions.fleet.upload import upload
-from imuscope.server.workers import Worker
+from imuscope.server.settings.config import Config
+from imuscope.server.system.workers import Worker
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import ENDLESS
 from tests.forked_workers import started_afresh

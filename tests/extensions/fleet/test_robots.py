@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.config import Config
 from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
 from imuscope.server.extensions.fleet.robots import Robots, TooManyRobotsError
 from imuscope.server.extensions.fleet.status_summary import summary_of
 from imuscope.server.extensions.fleet.summaries import FleetRobots, RobotSummary
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from imuscope.server.config import Config
 from imuscope.server.extensions.fleet import diagnosis
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store_settings import StoreSettings
+from imuscope.server.settings.config import Config
 
 
 def test_packages_that_are_missing_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

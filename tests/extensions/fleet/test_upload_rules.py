@@ -11,10 +11,10 @@ import pytest
 from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.sidecar import Edits
-from imuscope.server.config import ConfigError, load
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.extensions.fleet.upload_rules import pause_until, refusal
+from imuscope.server.settings.config import ConfigError, load
 from tests.each_row import each_row
 
 

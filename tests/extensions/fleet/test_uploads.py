@@ -15,14 +15,14 @@ from typing import Any
 import pytest
 
 from imuscope.recordings import sidecar
-from imuscope.server.config import Config
 from imuscope.server.extensions.fleet import uploads
 from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
 from imuscope.server.extensions.fleet.settings import FleetTables
 from imuscope.server.extensions.fleet.store_settings import StoreSettings
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.foreign_files import MODULE as FILES
-from imuscope.server.workers import Worker
+from imuscope.server.settings.config import Config
+from imuscope.server.system.workers import Worker
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import delta
 from tests.recordings.recorded_drive import drive

@@ -10,7 +10,7 @@ from foxglove.messages import FrameTransform, LocationFix
 
 from imuscope.recordings.file_names import device_names
 from imuscope.server.extensions.foxglove import worker as foxglove_worker
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 from tests.recordings.store_fixtures import channel, column
 
 

@@ -19,10 +19,10 @@ from websockets.datastructures import Headers
 from websockets.exceptions import InvalidStatus
 from websockets.http11 import Request, Response
 
-from imuscope.server.auth import Access
-from imuscope.server.config import Config
+from imuscope.server.access.auth import Access
 from imuscope.server.extensions.foxglove.worker import ConnectionGuard
 from imuscope.server.integrations.shared_secret import HEADER, SecretEndpoint, has_secret
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.forked_workers import workers_of
 from tests.server_process import ServerProcess

@@ -30,7 +30,7 @@ from imuscope.server.extensions.rerun.service import AHEAD, KEPT_BYTES, MAX_LIVE
 from imuscope.server.integrations.viewer_process import ViewError
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 from tests.each_row import each_row
 from tests.extensions.rerun.rrd_tables import entities, numbers
 from tests.free_ports import free_port

@@ -12,7 +12,7 @@ from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.ros2.message_builder import FrameNames
 from imuscope.server.extensions.ros2.messages import builders_of
 from imuscope.server.extensions.ros2.quantities import quantities_of
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 T0 = 1_795_000_000.0
 deserialize = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr

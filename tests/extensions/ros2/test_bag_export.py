@@ -21,9 +21,9 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, export
 from imuscope.recordings.exporters.topics import stamps
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.config import Config
 from imuscope.server.extensions.ros2.axes import FLIP
 from imuscope.server.library.zip_download import one_file
+from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import START, drive
 from tests.recordings.store_fixtures import store

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.config import ConfigError, load
 from imuscope.server.extensions.ros2.contract import LASTS_S, START_S, Contract, read_contract
+from imuscope.server.settings.config import ConfigError, load
 from tests.each_row import each_row
 
 TEXT = """

@@ -11,12 +11,12 @@ import pytest
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server import wire
-from imuscope.server.config import ConfigError, load
 from imuscope.server.devices.device_names import DeviceNames
 from imuscope.server.extensions.ros2 import service as ros2_service
 from imuscope.server.extensions.ros2.service import Ros2
 from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.extensions.ros2.switches import TopicSwitches
+from imuscope.server.settings.config import ConfigError, load
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import socket
 
-from imuscope.server.config import Config
 from imuscope.server.extensions.ros2.diagnosis import findings
 from imuscope.server.extensions.ros2.settings import Ros2Settings
+from imuscope.server.settings.config import Config
 
 
 def test_a_router_that_answers_and_one_that_does_not() -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from imuscope.recordings.system import atomic_write
-from imuscope.server.config import ConfigError, load
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.ros2 import switches as ros2_switches
 from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.extensions.ros2.switches import FILE, TopicSwitches
+from imuscope.server.settings.config import ConfigError, load
 from tests.each_row import each_row
 
 

@@ -13,7 +13,7 @@ from imuscope.server.extensions.ros2.session import (
     open_session,
     router_host,
 )
-from imuscope.server.setting_types import is_router_address
+from imuscope.server.settings.setting_types import is_router_address
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.timeouts import PATIENCE_S

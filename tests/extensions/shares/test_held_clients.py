@@ -30,7 +30,7 @@ from imuscope.server.extensions.shares.holder.shares import ShareError
 from imuscope.server.extensions.shares.holder.socket_paths import log_of, socket_of
 from imuscope.server.extensions.shares.shared_port_link import ROOT, SharedPortLink, holder_settings, is_held
 from imuscope.server.links.base import LinkError
-from imuscope.server.processes import programs_with
+from imuscope.server.system.open_files import programs_with
 from tests.extensions.shares.shared_port import (
     DevicePort,
     clients,

@@ -17,6 +17,7 @@ from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.client_frames import SETTINGS
 from imuscope.protocols.isb.stored_settings import STORED
 from imuscope.protocols.registry.families import PROTOCOLS
+from imuscope.server.concurrency.limiters import TokenBucket
 from imuscope.server.extensions.shares.holder.arbiter import MOST_TURN_S, QUIET_S, SERVER, Arbiter
 from imuscope.server.extensions.shares.holder.client_frames import ClientFrames, FrameRules
 from imuscope.server.extensions.shares.holder.clients import LEAST_BURST, sendable
@@ -35,7 +36,6 @@ from imuscope.server.extensions.shares.holder.queues import ClientQueue, FrameSi
 from imuscope.server.extensions.shares.holder.server_connection import ServerConnection
 from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
-from imuscope.server.limiters import TokenBucket
 from tests.each_row import each_row
 from tests.source_files import ROOT
 

@@ -14,13 +14,13 @@ import pytest
 
 from imuscope.protocols.native.kernels import plain
 from imuscope.recordings.system import priority
-from imuscope.server.config import load
 from imuscope.server.extensions.shares import relay_kernel
 from imuscope.server.extensions.shares.hold import findings
 from imuscope.server.extensions.shares.holder.messages import STAMP, MessageKind, MessageReader
 from imuscope.server.extensions.shares.holder.relay import LEFT_OVER, OTHERS, PORT_FAILED, TIME_IS_OVER, Relay
 from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.relay_kernel import READ_BYTES, relay
+from imuscope.server.settings.config import load
 from tests.each_row import each_row
 
 FUNCTIONS = {"machine": relay, "plain": plain(relay)}

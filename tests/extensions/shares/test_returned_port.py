@@ -15,7 +15,7 @@ from imuscope.server.extensions.shares.holder.process import Holder
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from imuscope.server.links.base import LinkError
-from imuscope.server.terminals import standing_at
+from imuscope.server.system.terminals import standing_at
 from tests.extensions.shares.shared_port import DevicePort, link_to, opened, read_exactly
 from tests.waiting import block_until
 

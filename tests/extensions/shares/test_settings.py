@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.config import ConfigError, load
 from imuscope.server.extensions.shares.settings import ShareSettings, check_sources
+from imuscope.server.settings.config import ConfigError, load
 from tests.each_row import each_row
 
 

@@ -17,7 +17,7 @@ from imuscope.server.extensions.shares import port_shares
 from imuscope.server.extensions.shares.port_shares import PortShares
 from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
 from imuscope.server.links.base import LinkError
-from imuscope.server.processes import Program
+from imuscope.server.system.open_files import Program
 from tests.extensions.shares.shared_port import DevicePort, opened
 from tests.server.control_harness import ControlHarness, house
 from tests.timeouts import PATIENCE_S

@@ -15,7 +15,7 @@ from imuscope.server.extensions.viser.playout_buffer import (
     OVERDUE_S,
     PlayoutBuffer,
 )
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 
 AHEAD = 1_000_000.0  # of the server's clock against the local one
 

@@ -18,7 +18,7 @@ from imuscope.protocols.rotations import euler_columns
 from imuscope.recordings.columns.store import ExactRows
 from imuscope.server.extensions.viser import meshes, poses
 from imuscope.server.extensions.viser.replay_sync import ReplayFollower
-from imuscope.server.wire_codec import SampleFrame
+from imuscope.server.wire.codec import SampleFrame
 from tests.each_row import each_row
 
 Q = rotations.Quaternion

@@ -15,9 +15,9 @@ import httpx
 import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
-from imuscope.server.config import Config
 from imuscope.server.extensions.viser.service import MODULE, Viser
-from imuscope.server.timings import ViewerTimings
+from imuscope.server.services.timings import ViewerTimings
+from imuscope.server.settings.config import Config
 from tests.forked_workers import workers_of
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer
@@ -185,9 +185,9 @@ def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     """The start would take seconds longer: what draws, hands on or reads tables is imported by who does that."""
     code = (
         "import sys; import imuscope.server.cli; import imuscope.server.extensions.fleet.publisher; "
-        "from imuscope.server.app import create_app; from imuscope.server.devices.protocol_set import problems; "
-        "from imuscope.server.auth import Access; from imuscope.server.config import load; "
-        "from imuscope.server.extension import extension_problems; "
+        "from imuscope.server.app.build import create_app; from imuscope.server.devices.protocol_set import problems; "
+        "from imuscope.server.access.auth import Access; from imuscope.server.settings.config import load; "
+        "from imuscope.server.services.extension import extension_problems; "
         "config = load(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "
         "create_app(config, Access(config)); problems(), extension_problems(); print(*sys.modules)"
     )

@@ -1,6 +1,23 @@
-/** Types of the forms. Generated from server/configuration/api_models.py by `python -m imuscope.server.generate_ts_types`; do not edit. */
+/** Types of the forms. Generated from server/configuration/api_models.py by `python -m imuscope.server.generators.ts_types`; do not edit. */
 
 import type { BitsInfo } from "../wire/types";
+
+/** A few bytes of a frame and their meaning. */
+export interface ByteRange {
+  readonly offset: number;
+  readonly size: number;
+  readonly label: string;
+  /** the field: "outputs.3.output_frequency"; "" for the envelope */
+  readonly path: string;
+}
+
+/** Bytes and messages per second that one output adds to the link. */
+export interface OutputLoad {
+  /** the output in its setting: "outputs.3"; "" for what belongs to none */
+  readonly path: string;
+  readonly title: string;
+  readonly bytes_per_s: number;
+}
 
 /** Meaning of a field while another field of its record has certain values; in place of what the field says. */
 export interface Meaning {
@@ -28,23 +45,6 @@ export interface TextList {
   readonly text: string;
   /** field that is 0 in an unused record */
   readonly used: string;
-}
-
-/** A few bytes of a frame and their meaning. */
-export interface ByteRange {
-  readonly offset: number;
-  readonly size: number;
-  readonly label: string;
-  /** the field: "outputs.3.output_frequency"; "" for the envelope */
-  readonly path: string;
-}
-
-/** Bytes and messages per second that one output adds to the link. */
-export interface OutputLoad {
-  /** the output in its setting: "outputs.3"; "" for what belongs to none */
-  readonly path: string;
-  readonly title: string;
-  readonly bytes_per_s: number;
 }
 
 export interface VariantChoice {

@@ -1,4 +1,4 @@
-/** Types of the recordings. Generated from server/library/api_models.py by `python -m imuscope.server.generate_ts_types`; do not edit. */
+/** Types of the recordings. Generated from server/library/api_models.py by `python -m imuscope.server.generators.ts_types`; do not edit. */
 
 import type { ChannelInfo, DeviceInfo, EventInfo } from "../wire/types";
 

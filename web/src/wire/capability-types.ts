@@ -1,4 +1,4 @@
-/** Types of what the server can do. Generated from server/capabilities.py by `python -m imuscope.server.generate_ts_types`; do not edit. */
+/** Types of what the server can do. Generated from server/wire/capabilities.py by `python -m imuscope.server.generators.ts_types`; do not edit. */
 
 export type DecodeOptionKind = "text" | "choice" | "flag" | "secret" | "file";
 

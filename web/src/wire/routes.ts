@@ -1,4 +1,4 @@
-/** Routes of the HTTP API. Generated from its OpenAPI document by `python -m imuscope.server.generate_ts_types`; do not edit. */
+/** Routes of the HTTP API. Generated from its OpenAPI document by `python -m imuscope.server.generators.ts_types`; do not edit. */
 
 import type { Attempt, DeviceHealth, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";
@@ -1880,7 +1880,7 @@ export interface Routes {
   "GET /api/build": { readonly answer: Build; };
   /** Health check. Needs no token; contains no device data but the number of devices. */
   "GET /healthz": { readonly answer: HealthStatus; };
-  /** Metrics in the text format of Prometheus (server/metrics.py). They contain device data, so requests from other machines need a bearer token; a view token is sufficient. */
+  /** Metrics in the text format of Prometheus (server/diagnostics/metrics.py). They contain device data, so requests from other machines need a bearer token; a view token is sufficient. */
   "GET /metrics": { readonly answer: string; };
   /** Everything that is registered, as sent to the page in `hello`. */
   "GET /api/capabilities": { readonly answer: Capabilities; };

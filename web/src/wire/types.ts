@@ -1,4 +1,4 @@
-/** Types of the wire. Generated from server/wire/ by `python -m imuscope.server.generate_ts_types`; do not edit. */
+/** Types of the wire. Generated from server/wire/ by `python -m imuscope.server.generators.ts_types`; do not edit. */
 
 export const SUBPROTOCOL = "imuscope.v1";
 export const OPCODE_SAMPLES = 1;

@@ -14,11 +14,11 @@ import syslog
 from collections.abc import Callable
 
 from imuscope.recordings.system.priority import PERMIT, raise_priority
-from imuscope.server.end_signals import end_signals
 from imuscope.server.extensions.shares.holder.process import Holder
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareError
 from imuscope.server.extensions.shares.holder.socket_paths import failure_of, log_of
+from imuscope.server.system.end_signals import end_signals
 
 READY = b"ready"
 MOST_LOG = 1 << 16  # bytes, beyond which a new log is begun

@@ -12,9 +12,9 @@ import termios
 from functools import partial
 from typing import Any
 
+from imuscope.server.concurrency.limiters import TokenBucket
 from imuscope.server.extensions.shares.holder.client_frames import ClientFrames
 from imuscope.server.extensions.shares.holder.queues import ClientQueue, FrameSize
-from imuscope.server.limiters import TokenBucket
 
 READ_BYTES = 1 << 12
 MOST_DATAGRAM = 1400  # within the payload of an Ethernet frame

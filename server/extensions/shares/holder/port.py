@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from imuscope.server.terminals import is_another, may_be_terminal, pseudo_terminal
+from imuscope.server.system.terminals import is_another, may_be_terminal, pseudo_terminal
 
 READ_BYTES = 1 << 12  # a terminal gives no more at once, and each read allocates as much
 CONNECT_S = 5.0
@@ -92,7 +92,7 @@ class Port:
     def _open_serial(self) -> Any:
         import serial
 
-        from imuscope.server.processes import readers_of
+        from imuscope.server.system.open_files import readers_of
 
         if not may_be_terminal(self._source["place"]):
             raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from imuscope.server.backoff import LOCAL_S, Backoff
+from imuscope.server.concurrency.backoff import LOCAL_S, Backoff
 from imuscope.server.extensions.shares.holder.arbiter import SERVER, Arbiter
 from imuscope.server.extensions.shares.holder.client_frames import FrameRules
 from imuscope.server.extensions.shares.holder.clients import Client
@@ -32,7 +32,7 @@ from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareError
 from imuscope.server.extensions.shares.holder.sharing import Sharing
 from imuscope.server.extensions.shares.holder.socket_paths import port_link
-from imuscope.server.terminals import standing_at
+from imuscope.server.system.terminals import standing_at
 
 TICK_S = 0.02
 CALM_S = 0.05  # between two ticks while no client talks to the device or waits: one costs as much as ten frames

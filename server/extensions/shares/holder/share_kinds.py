@@ -20,7 +20,7 @@ from imuscope.recordings.system import atomic_write
 from imuscope.server.extensions.shares.holder.clients import Client, UdpClient
 from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
-from imuscope.server.terminals import PTS
+from imuscope.server.system.terminals import PTS
 
 MOST_TCP_CLIENTS = 16
 UNREAD = 1 << 13  # bytes that a client has not read, of a line of some 10 kB/s: it does not read at all

@@ -1,0 +1,4 @@
+"""The application: routes, guards and services put together.
+
+Begin with build.py. Imported by commands only.
+"""
