@@ -95,11 +95,11 @@ from imuscope.recordings.tables.table_source import TableSource as TableSource
 # Extensions of the server.
 from imuscope.server.api.dependencies import TheServices as TheServices
 from imuscope.server.diagnostics.checks import Finding as Finding
-from imuscope.server.extensions.analysis.registry import Analysis as Analysis
-from imuscope.server.extensions.analysis.registry import AnalysisOption as AnalysisOption
-from imuscope.server.extensions.analysis.registry import Result as Result
-from imuscope.server.extensions.analysis.registry import register_analysis as register_analysis
-from imuscope.server.extensions.analysis.signals import Signal as Signal
+from imuscope.server.extensions.analysis.noise.registry import Analysis as Analysis
+from imuscope.server.extensions.analysis.noise.registry import AnalysisOption as AnalysisOption
+from imuscope.server.extensions.analysis.noise.registry import Result as Result
+from imuscope.server.extensions.analysis.noise.registry import register_analysis as register_analysis
+from imuscope.server.extensions.analysis.signals.signals import Signal as Signal
 from imuscope.server.library.computed_signals import SignalComputation as SignalComputation
 
 # Links.

@@ -327,7 +327,7 @@ class Recording:
             ImuscopeError: it is unknown, or does not apply.
         """
         from imuscope.recordings.errors import ExplainedError
-        from imuscope.server.extensions.analysis.analyse import AnalyseRequest, reports_of
+        from imuscope.server.extensions.analysis.jobs.analyse import AnalyseRequest, reports_of
 
         texts = tuple(f"{name}={value}" for name, value in options.items())
         request = AnalyseRequest(analysis, signals, begin_s, end_s, texts)
@@ -400,8 +400,8 @@ def open(
     from imuscope.recordings.errors import ExplainedError
     from imuscope.recordings.importers.open_file import open_file
     from imuscope.recordings.tables.options import TableOptions
-    from imuscope.server.devices.decode_options import DecodeOptions
-    from imuscope.server.devices.protocol_set import all_protocols
+    from imuscope.server.devices.decode.decode_options import DecodeOptions
+    from imuscope.server.devices.decode.protocol_set import all_protocols
     from imuscope.server.library.computed_signals import compute_signals
     from imuscope.server.library.decode import decode
 

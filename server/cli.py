@@ -34,7 +34,7 @@ from imuscope.server.commands.common import (
     size_of,
     warn_if_interpreted,
 )
-from imuscope.server.devices.decode_options import DecodeOptionError, parse_source_options, secret_text
+from imuscope.server.devices.decode.decode_options import DecodeOptionError, parse_source_options, secret_text
 from imuscope.server.errors import UsageError
 from imuscope.server.services.extension import extension_commands
 from imuscope.server.settings.config import ConfigError, load

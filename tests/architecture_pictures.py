@@ -12,7 +12,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from imuscope.server.devices.connection_state import TRANSITIONS, ConnectionEvent
+from imuscope.server.devices.link.connection_state import TRANSITIONS, ConnectionEvent
 from imuscope.server.services.extension import extensions
 from tests.rooms import HOUSES, table_of
 from tests.source_files import ROOT

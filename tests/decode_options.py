@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from imuscope.protocols.idtp.custom_payloads import written
-from imuscope.server.devices.decode_options import DecodeOptions, checked_options
+from imuscope.server.devices.decode.decode_options import DecodeOptions, checked_options
 
 
 def decode_options(protocol: str = "", *, schema: Any = None, **given: bytes | str | bool) -> DecodeOptions:

@@ -34,8 +34,8 @@ WORKERS = (
         (
             "imuscope.server.extensions.clocks.worker",
             "imuscope.server.extensions.evidence.worker",
-            "imuscope.server.extensions.fleet.query_worker",
-            "imuscope.server.extensions.fleet.upload_worker",
+            "imuscope.server.extensions.fleet.query.query_worker",
+            "imuscope.server.extensions.fleet.upload.upload_worker",
         ),
     ),
 )
@@ -43,7 +43,7 @@ WORKERS = (
 imuscope.recordings.mcap.compaction, which imports little and may have little memory.
 """
 _HEAVY: dict[str, tuple[str, ...]] = {
-    "imuscope.server.extensions.analysis.worker": ("scipy.fft", "scipy.ndimage", "scipy.signal"),
+    "imuscope.server.extensions.analysis.jobs.worker": ("scipy.fft", "scipy.ndimage", "scipy.signal"),
     "imuscope.server.extensions.foxglove.worker": (),
     "imuscope.server.extensions.rerun.worker": (),
     "imuscope.server.extensions.ros2.worker": ("zenoh",),

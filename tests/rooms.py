@@ -78,6 +78,29 @@ ARROWS: Mapping[str, str] = {
         cli <- commands
         extensions <- commands
     """,
+    "server/devices": """
+        device
+        decode <- device
+        link <- decode
+    """,
+    "server/extensions/fleet": """
+        model
+        tunnel <- model
+        rollouts <- tunnel
+        store <- tunnel
+        query <- store
+        robot <- store
+        upload <- robot
+        server <- rollouts query upload
+    """,
+    "server/extensions/analysis": """
+        signals
+        noise <- signals
+        expressions <- noise
+        methods <- noise
+        compare <- expressions
+        jobs <- compare
+    """,
 }
 
 

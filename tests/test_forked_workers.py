@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(not fork_server.IS_THERE, reason="servers are fo
 
 async def test_a_worker_that_was_killed_before_it_is_ended_has_ended() -> None:
     """To signal it took the news of its end from who waited for it, and a killed question had no answer."""
-    worker = await Worker.start("imuscope.server.extensions.fleet.query_worker")
+    worker = await Worker.start("imuscope.server.extensions.fleet.query.query_worker")
     worker.dismiss()
     process: Any = worker._process
     os.kill(worker.pid, signal.SIGKILL)

@@ -69,7 +69,7 @@ class RefusedError(DomainError):
 
 
 class PartialRights(Protocol):
-    """Tokens of users who see everything and command a part of it (server/extensions/fleet/operators.py)."""
+    """Tokens of users who see everything and command a part of it (server/extensions/fleet/model/operators.py)."""
 
     def holder(self, token: str) -> str:
         """The name of the user with this token; empty if there is none."""

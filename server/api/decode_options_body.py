@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, create_model
 
 from imuscope.protocols.family.decode_options import DecodeOption
-from imuscope.server.devices.decode_options import (
+from imuscope.server.devices.decode.decode_options import (
     DecodeOptionError,
     DecodeOptions,
     checked_options,

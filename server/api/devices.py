@@ -15,8 +15,8 @@ from imuscope.server.api.decode_options_body import DecodeOptionsBody, bad_setti
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
-from imuscope.server.devices.decode_options import DecodeOptionError, changed, parse_source_options
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.decode.decode_options import DecodeOptionError, changed, parse_source_options
+from imuscope.server.devices.link.session import Session
 from imuscope.server.errors import DomainError, unknown_device
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.source_url import SourceUrl

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.links.ports import PortInfo, list_ports, scan
 
 router = lazy_router(prefix="/api/ports", tags=["ports"])

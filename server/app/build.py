@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from imuscope.server.access.auth import Access, Guard
 from imuscope.server.app.application import Application
-from imuscope.server.devices.protocol_detection import ProtocolSet
-from imuscope.server.devices.sessions import OpenLink
+from imuscope.server.devices.decode.protocol_detection import ProtocolSet
+from imuscope.server.devices.link.sessions import OpenLink
 from imuscope.server.http.page_files import Files
 from imuscope.server.links import open_link
 from imuscope.server.services.extension import install_extensions

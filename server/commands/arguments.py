@@ -15,7 +15,7 @@ from imuscope.protocols.family.plugins import protocol_names
 from imuscope.recordings.optional_packages import installation_of
 from imuscope.server.commands.file_arguments import add_decode
 from imuscope.server.commands.page_arguments import add_page_address
-from imuscope.server.devices.decode_options import declared_options
+from imuscope.server.devices.decode.decode_options import declared_options
 from imuscope.server.services.extension import absent_extensions, add_commands, extension_commands
 from imuscope.server.settings import logging_setup
 from imuscope.server.settings.config import default_data

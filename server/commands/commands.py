@@ -18,7 +18,7 @@ from imuscope.protocols.schema.fields import Bits, Command, Field, Setting
 from imuscope.protocols.schema.shown_values import is_scaled, meant, shown_number
 from imuscope.protocols.schema.validation import bounds, is_whole
 from imuscope.server.commands.compose import ComposeError, composers
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 
 CommandListRow = Command | Setting
 WIDTH = 120

@@ -15,7 +15,7 @@ from imuscope.recordings.readers.formats.oxts_folder import packet_folder
 from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.recordings.tables.options import TableOptions, read_columns
 from imuscope.server.commands.arguments import COMMANDS
-from imuscope.server.devices.decode_options import (
+from imuscope.server.devices.decode.decode_options import (
     DecodeOptions,
     checked_options,
     declared_options,
@@ -124,7 +124,7 @@ def file_to_decode(options: argparse.Namespace) -> tuple[Path, DecodeOptions]:
 
 def check_protocol(name: str) -> None:
     """Raise UsageError for an unknown protocol."""
-    from imuscope.server.devices import protocol_set
+    from imuscope.server.devices.decode import protocol_set
 
     known = ("auto", *protocol_set.protocols())
     if name and name not in known:

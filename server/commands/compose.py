@@ -34,7 +34,7 @@ from imuscope.protocols.schema.fields import Field
 from imuscope.protocols.schema.flag_words import nearest, word_of
 from imuscope.protocols.schema.layouts import EncodeError
 from imuscope.protocols.schema.shown_values import to_shown, to_wire
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 
 NOTHING: FrameRecord = {}

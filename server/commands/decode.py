@@ -22,8 +22,8 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS, ExportRequest, by_suffix, export
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.sources import damage_of
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.errors import UsageError
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import REMARK, decode

@@ -11,8 +11,8 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.server.commands.decode import MOST_DAMAGE, Bar, empty_words, time_sentences
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.errors import UsageError
 from imuscope.server.library.computed_signals import compute_signals
 from imuscope.server.library.decode import decode

@@ -38,7 +38,7 @@ from imuscope.recordings.readers.registry import marked_reader
 from imuscope.server.commands.common import temporary_copy
 from imuscope.server.commands.inspect_table import InspectTable
 from imuscope.server.commands.replay import choose_device
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 from imuscope.server.text.printable import json_text
 

@@ -23,7 +23,7 @@ from imuscope.protocols.schema.labels import device_label
 from imuscope.protocols.schema.shown_values import meant, signed_number
 from imuscope.server.commands.compose import composers
 from imuscope.server.configuration.value_format import entry_title
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.library.reject_reasons import explained_rejects
 from imuscope.server.text.printable import printable
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.protocols.schema.plural import counted
-from imuscope.server.devices.sequence_store import SequenceStore
+from imuscope.server.devices.decode.sequence_store import SequenceStore
 from imuscope.server.errors import UsageError
 
 TIMEOUT_S = 10.0

@@ -25,12 +25,12 @@ from imuscope.recordings.mcap.compaction import compact
 from imuscope.server import wire
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices import protocol_set
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.sequence_store import SequenceStore
-from imuscope.server.devices.session import Session
-from imuscope.server.devices.session_listeners import Direction
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.decode import protocol_set
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.sequence_store import SequenceStore
+from imuscope.server.devices.link.session import Session
+from imuscope.server.devices.link.session_listeners import Direction
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.errors import UsageError
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.links import open_link

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from imuscope.server.devices.decode_options import url_options
+from imuscope.server.devices.decode.decode_options import url_options
 from imuscope.server.links.registry import LinkDefinition, link_kinds
 from imuscope.server.services.extension import file_outputs
 

@@ -46,7 +46,7 @@ from imuscope.server.configuration.risks import dangers_of_write
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.configuration.value_checks import problems_of, without_current_values
 from imuscope.server.configuration.value_format import value_at
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 from imuscope.server.links import open_link
 from imuscope.server.links.base import Link, LinkError, LinkSettings, OwedFrames, steady_clock

@@ -20,8 +20,8 @@ from imuscope.server.commands.common import (
     normalized_sources,
     warn_if_interpreted,
 )
-from imuscope.server.devices.decode_options import declared_options, option_text
-from imuscope.server.devices.protocol_set import problems
+from imuscope.server.devices.decode.decode_options import declared_options, option_text
+from imuscope.server.devices.decode.protocol_set import problems
 from imuscope.server.errors import UsageError
 from imuscope.server.links.simulated_device import simulators
 from imuscope.server.services.extension import extension_problems, extensions

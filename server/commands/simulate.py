@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TextIO
 
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device

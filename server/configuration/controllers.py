@@ -23,9 +23,9 @@ from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.settings_reader import SettingsReader
 from imuscope.server.configuration.snapshots import Snapshots
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.link_member import LinkMember
-from imuscope.server.devices.session import Session
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.link.link_member import LinkMember
+from imuscope.server.devices.link.session import Session
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.links.base import LinkError
 from imuscope.server.streaming.bus import TelemetryBus
 

@@ -44,8 +44,8 @@ from imuscope.server.configuration.put_back import PutBackStore, PutBackTask
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.traffic_log import TrafficLog
 from imuscope.server.configuration.transaction_runner import Runner
-from imuscope.server.devices.device_demux import QuietReason
-from imuscope.server.devices.link_member import LinkMember
+from imuscope.server.devices.device.device_demux import QuietReason
+from imuscope.server.devices.link.link_member import LinkMember
 from imuscope.server.errors import DomainError
 from imuscope.server.links.base import LinkError
 from imuscope.server.streaming.bus import TelemetryBus

@@ -9,8 +9,8 @@
 
 Events are collected from the first act on, so that an answer that arrives before it is waited for is not lost. A new
 request (a Send after a wait) discards older events, so that a late answer to the previous attempt is not taken for its
-answer. The session decodes at intervals (server/devices/decode_scheduler.py); at the time-out it decodes once more
-before giving up.
+answer. The session decodes at intervals (server/devices/decode/decode_scheduler.py); at the time-out it decodes once
+more before giving up.
 
 At the log level debug each act (`<<`) and each answer (`>>`) is logged with the position of the transaction.
 

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import get_args
 
 from imuscope.server import wire
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.link.session import Session
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.clients import ClientStatistics
 from imuscope.server.text.prometheus import PrometheusText

@@ -34,7 +34,7 @@ from imuscope.recordings.sidecar import stored_reading
 from imuscope.recordings.system.resource_limits import seconds_for
 from imuscope.recordings.tables.file_reading import FileReading
 from imuscope.server.concurrency.tasks import end_tasks
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.library.cache_provenance import CHANGED, is_stale
 from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.library.foreign_files import MALICIOUS

@@ -1,7 +1,9 @@
 """Door for what computes signals of recordings: an entry point, so that decoding knows no expressions.
 
     [project.entry-points."imuscope.computed_signals"]
-    analysis = "imuscope.server.extensions.analysis.recorded_signals:COMPUTED"      a SignalComputation of that name
+    analysis = "imuscope.server.extensions.analysis.expressions.recorded_signals:COMPUTED"
+
+`COMPUTED` is a SignalComputation of that name.
 
 Definitions are recorded with the bytes of a device; a decoded recording has their channels, as any others.
 """

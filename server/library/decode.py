@@ -44,12 +44,12 @@ from imuscope.recordings.system.freed_memory import keep_freed_memory
 from imuscope.recordings.tables.file_reading import FileReading
 from imuscope.recordings.tables.table_source import TableSource
 from imuscope.server import previous_names, wire
-from imuscope.server.devices.decode_options import DecodeOptions, recorded
-from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
-from imuscope.server.devices.device_state import DeviceState, short_source
-from imuscope.server.devices.ingest import LinkTiming
-from imuscope.server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
-from imuscope.server.devices.stream_diagnostics import doubt_text
+from imuscope.server.devices.decode.decode_options import DecodeOptions, recorded
+from imuscope.server.devices.decode.protocol_detection import GUESS_SCORE, ProtocolSet
+from imuscope.server.devices.device.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device.device_state import DeviceState, short_source
+from imuscope.server.devices.device.ingest import LinkTiming
+from imuscope.server.devices.device.stream_diagnostics import doubt_text
 from imuscope.server.library.axis_words import (
     ARRIVAL_WORDS,
     LOG_TIME_WORDS,

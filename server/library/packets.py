@@ -4,9 +4,9 @@
                          ──> the bytes around that arrival, at most NEAR_BYTES each way ──> the family's listing
                          ──> frames, rejects and the bytes between them ──> the frame of that rank
 
-The bytes of a live device are in memory (server/devices/byte_memory.py), those of a recording in its file; only the
-neighbourhood is decoded, whatever their length. What each byte means comes from the family: frames from its listing,
-their parts from its driver. A family without a driver has a frame as a whole.
+The bytes of a live device are in memory (server/devices/link/byte_memory.py), those of a recording in its file; only
+the neighbourhood is decoded, whatever their length. What each byte means comes from the family: frames from its
+listing, their parts from its driver. A family without a driver has a frame as a whole.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from imuscope.protocols.family.info import ProtocolInfo
 from imuscope.protocols.registry.families import family_of
 from imuscope.protocols.schema.fields import Message
 from imuscope.recordings.columns.store import Base, ColumnStore
-from imuscope.server.devices.byte_memory import ByteRun, LinkMemory
+from imuscope.server.devices.link.byte_memory import ByteRun, LinkMemory
 from imuscope.server.errors import DomainError
 from imuscope.server.library.range_query import stored_values
 from imuscope.server.library.reject_reasons import explained_rejects

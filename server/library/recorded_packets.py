@@ -9,8 +9,8 @@ from pathlib import Path
 
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.sources import Source
-from imuscope.server.devices.byte_memory import ByteRun
-from imuscope.server.devices.decode_options import DecodeOptions, recorded
+from imuscope.server.devices.decode.decode_options import DecodeOptions, recorded
+from imuscope.server.devices.link.byte_memory import ByteRun
 from imuscope.server.errors import DomainError
 from imuscope.server.library.packets import (
     Kind,

@@ -9,8 +9,8 @@ program needs at the head of a log, is the one that was received last (server/li
 only if a user wants that: the device pauses for it, through the queue of its controller
 (server/configuration/device_controller.py). A refusal is reported and harmless.
 
-`start(before_s=…)` begins with the bytes that are in memory already (server/devices/byte_memory.py), and `save` writes
-those alone to a recording of their own, also while another one runs.
+`start(before_s=…)` begins with the bytes that are in memory already (server/devices/link/byte_memory.py), and `save`
+writes those alone to a recording of their own, also while another one runs.
 
 A recording continues if a browser or a device disconnects, or a page is busy. A disk error ends it, and `message`
 contains the cause; after a full disk the one of `record = true` is resumed (standing_recording.py).
@@ -37,10 +37,10 @@ from imuscope.recordings.mcap.live_writer import Limits, RecordingWriter
 from imuscope.server import wire
 from imuscope.server.concurrency.heartbeat import beat
 from imuscope.server.configuration.controllers import ControllerRegistry
-from imuscope.server.devices.byte_memory import ByteMemory
-from imuscope.server.devices.device_state import short_source
-from imuscope.server.devices.session import Session
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.device.device_state import short_source
+from imuscope.server.devices.link.byte_memory import ByteMemory
+from imuscope.server.devices.link.session import Session
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import MarkerRequest, SavedMemory
 from imuscope.server.library.compaction_worker import CompactionWorker

@@ -12,7 +12,7 @@ import numpy as np
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.sidecar import MarkerInfo
-from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.devices.decode.protocol_set import sensors_of
 from imuscope.server.library.api_models import RecordingDetail, RecordingInfo
 from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, EventInfo
 from imuscope.server.wire import codec as wire_codec

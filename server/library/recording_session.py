@@ -10,8 +10,8 @@
     computed signals          their definitions, when they change          signals/<device>
     log header                Configuration of an Xsens device             metadata, and among the bytes
 
-A recording may begin before it was started: with the bytes that are in memory (server/devices/byte_memory.py), and the
-events of that time. Data that arrives in the meantime follows them, in order; each byte is written once.
+A recording may begin before it was started: with the bytes that are in memory (server/devices/link/byte_memory.py), and
+the events of that time. Data that arrives in the meantime follows them, in order; each byte is written once.
 
 A device that shares a link with others (id "1.102") is recorded with the link's first ("1"), which has all received
 bytes; its settings are stored separately, with its address, as another device may be the first when the recording is
@@ -35,8 +35,8 @@ from imuscope.recordings.mcap.writer import Direction
 from imuscope.server import wire
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.devices.byte_memory import LATEST_NS, ByteMemory, Follower, Take
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.link.byte_memory import LATEST_NS, ByteMemory, Follower, Take
+from imuscope.server.devices.link.session import Session
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.log_header import LogHeaderRequest
 from imuscope.server.library.signal_definitions import SignalDefinitions

@@ -59,7 +59,7 @@ def is_host(name: str) -> bool:
 
 
 def _decode_options() -> str:
-    """The options that any source can contain (server/devices/decode_options.py)."""
+    """The options that any source can contain (server/devices/decode/decode_options.py)."""
     *first, last = url_options()
     return f"{', '.join(first)} and {last}" if first else last
 

@@ -126,7 +126,7 @@ class Extension:
         commands: of the command line.
         checks: "module:function" that is called with the configuration before a server is made, and raises ValueError
             with a sentence; "" for none.
-        jobs: modules with jobs for the processes of analyses (server/extensions/analysis/worker.py).
+        jobs: modules with jobs for the processes of analyses (server/extensions/analysis/jobs/worker.py).
         requires: names of other extensions that it imports.
         modules: of other packages, without which it is left out; extra: what brings them
             (recordings/optional_packages.py).

@@ -17,14 +17,14 @@ from imuscope.recordings.library.remembered_tables import TableMemory
 from imuscope.server.access.auth import Access
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.byte_memory import ByteMemory
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.device_names import DeviceNames
-from imuscope.server.devices.protocol_detection import ProtocolSet
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.devices.protocol_set import protocols as installed_protocols
-from imuscope.server.devices.sequence_store import SequenceStore
-from imuscope.server.devices.sessions import OpenLink, Sessions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_detection import ProtocolSet
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.decode.protocol_set import protocols as installed_protocols
+from imuscope.server.devices.decode.sequence_store import SequenceStore
+from imuscope.server.devices.device.device_names import DeviceNames
+from imuscope.server.devices.link.byte_memory import ByteMemory
+from imuscope.server.devices.link.sessions import OpenLink, Sessions
 from imuscope.server.diagnostics.metrics import Metrics
 from imuscope.server.http import shutdown
 from imuscope.server.http.page_files import Files

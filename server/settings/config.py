@@ -28,10 +28,10 @@
     tiles = "http://maps.local/{z}/{x}/{y}.png"
     attribution = "© OpenStreetMap contributors"
 
-    [store]  # recordings of many robots (server/extensions/fleet/store_settings.py)
+    [store]  # recordings of many robots (server/extensions/fleet/model/store_settings.py)
     url = "s3://bucket/prefix"
 
-    [fleet]  # this robot on the page of many (server/extensions/fleet/fleet_settings.py)
+    [fleet]  # this robot on the page of many (server/extensions/fleet/model/fleet_settings.py)
     router = "tls/fleet.example:7447"
 
 An unknown name in the file is an error, because a mistyped token that is silently ignored is worse than a server that
@@ -52,7 +52,7 @@ import platformdirs
 from annotated_types import Interval, Unit
 
 from imuscope.server import previous_names
-from imuscope.server.devices.decode_options import (
+from imuscope.server.devices.decode.decode_options import (
     DecodeOptions,
     checked_options,
     declared_options,
@@ -146,7 +146,8 @@ class Config:
             declares (protocols/family/decode_options.py); secrets may be @FILE, files are named.
         rollback_s: time to confirm settings that could have cut the link, before they are rolled back.
         history_s, memory_mb: limits of the sample history, whichever is reached first.
-        bytes_mb: of memory_mb, for the bytes of live links (server/devices/byte_memory.py); at most a quarter of it.
+        bytes_mb: of memory_mb, for the bytes of live links (server/devices/link/byte_memory.py); at most a quarter of
+            it.
         view_token, control_token: "" to generate one when it is needed.
         tls: serve https with a self-signed certificate; tls_cert, tls_key: PEM files of another certificate.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from imuscope.server.wire import EventInfo, EventKind
 
 MARKS: frozenset[EventKind] = frozenset({"gap", "clock", "marker"})
-# Ten gaps a second and their sum (server/devices/event_reporter.py) over ten minutes are 6600.
+# Ten gaps a second and their sum (server/devices/device/event_reporter.py) over ten minutes are 6600.
 MAX_MARKS = 8000
 MAX_CHANGES = 5000
 CHANGES_RESENT = 1000

@@ -71,7 +71,7 @@ class TelemetrySink(EventSink, Protocol):
 
     @property
     def reports_every_gap(self) -> bool:
-        """False: many gaps in a short time are summarised (server/devices/event_reporter.py)."""
+        """False: many gaps in a short time are summarised (server/devices/device/event_reporter.py)."""
 
     def advertise(self, info: wire.ChannelInfo) -> int:
         """Open a channel described by `info` (id 0); returns its id, which is never used again."""

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.companions import Companions
-from imuscope.server.extensions.analysis.registry import analysis_named
-from imuscope.server.extensions.analysis.report import figures_of, in_parallel
-from imuscope.server.extensions.analysis.signals import Signal
-from imuscope.server.extensions.analysis.triads import Samples
+from imuscope.server.extensions.analysis.noise.registry import analysis_named
+from imuscope.server.extensions.analysis.noise.report import figures_of, in_parallel
+from imuscope.server.extensions.analysis.signals.companions import Companions
+from imuscope.server.extensions.analysis.signals.signals import Signal
+from imuscope.server.extensions.analysis.signals.triads import Samples
 from tests.bench.report import report
 
 RATE = 1000.0

@@ -26,8 +26,8 @@ from typing import Any
 
 import zenoh
 
-from imuscope.server.extensions.fleet.access import RouterSettings
-from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.extensions.fleet.model.access import RouterSettings
+from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
 from tests.bench.report import options_of, report
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port

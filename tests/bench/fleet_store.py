@@ -40,12 +40,12 @@ from deltalake import write_deltalake
 
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
-from imuscope.server.extensions.fleet.query import run_query
-from imuscope.server.extensions.fleet.store import location
-from imuscope.server.extensions.fleet.tables import DEVICES, MINUTES, RECORDINGS, StoreTable
-from imuscope.server.extensions.fleet.upload import upload
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.extensions.fleet.query.prepared_queries import QUESTIONS
+from imuscope.server.extensions.fleet.query.query import run_query
+from imuscope.server.extensions.fleet.store.store import location
+from imuscope.server.extensions.fleet.store.tables import DEVICES, MINUTES, RECORDINGS, StoreTable
+from imuscope.server.extensions.fleet.upload.upload import upload
 from tests.bench.report import options_of, report
 from tests.server_process import ROOT
 

@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.server.access.route_rules import RouteRules
-from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
-from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
+from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.extensions.fleet.tunnel.http_tunnel_robot import PageServer
 from imuscope.server.wire import HEADER, SUBPROTOCOL
 from imuscope.server.wire.frames import OPCODE_SAMPLES
 from tests.bench.fanout import FanoutReader, bare, cancel, figures_of

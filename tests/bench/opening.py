@@ -88,7 +88,7 @@ def measure(path: Path, store: Path) -> dict[str, float]:
     """Work of the separate process; figures in s and MB."""
     from imuscope.recordings.columns.store import ColumnStore
     from imuscope.recordings.mcap.source import McapSource
-    from imuscope.server.devices.protocol_set import all_protocols
+    from imuscope.server.devices.decode.protocol_set import all_protocols
     from imuscope.server.library.decode import decode
 
     resource_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -111,7 +111,7 @@ def main() -> None:
         path = folder / "recordings" / "hour.mcap"
         make(path, minutes)
         from imuscope.recordings.mcap.source import McapSource
-        from imuscope.server.devices.protocol_set import all_protocols
+        from imuscope.server.devices.decode.protocol_set import all_protocols
         from imuscope.server.library.decode import decode
 
         decode(McapSource(path), folder / "store", all_protocols())

@@ -102,7 +102,7 @@ def serve(options: argparse.Namespace) -> None:
     """The server, in this process, until it is ended."""
     from imuscope.server.access.auth import Access
     from imuscope.server.app.build import create_app
-    from imuscope.server.devices import sessions
+    from imuscope.server.devices.link import sessions
     from imuscope.server.http import server as http_server
     from imuscope.server.settings import logging_setup
 

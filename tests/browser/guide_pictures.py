@@ -24,9 +24,9 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet.store import location
-from imuscope.server.extensions.fleet.upload import upload
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.extensions.fleet.store.store import location
+from imuscope.server.extensions.fleet.upload.upload import upload
 from tests import chromium
 from tests.browser.page_checks import click
 from tests.chromium import until

@@ -14,7 +14,7 @@ import numpy as np
 from playwright.sync_api import Page
 
 from imuscope.protocols.simulator.setups import SensorSetup
-from imuscope.server.extensions.analysis.triads import Samples
+from imuscope.server.extensions.analysis.signals.triads import Samples
 from imuscope.server.extensions.calibration.accelerometer import six_positions
 from imuscope.server.extensions.calibration.kinds import METHODS
 from imuscope.server.extensions.calibration.magnetometer import magnetometer_iron

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet.store import location
-from imuscope.server.extensions.fleet.upload import upload
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.extensions.fleet.store.store import location
+from imuscope.server.extensions.fleet.upload.upload import upload
 from tests.browser.page_checks import PHONE, SILENT, click, fits, serious, small_targets
 from tests.chromium import until
 from tests.recordings.recorded_drive import drive

@@ -10,9 +10,9 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.devices.session import Session
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.link.session import Session
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
 from imuscope.server.streaming.telemetry import Telemetry

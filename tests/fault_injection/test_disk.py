@@ -34,7 +34,7 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.mcap.compaction import compact
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.library import standing_recording
 from imuscope.server.library.decode import decode
 from imuscope.server.library.standing_recording import StandingRecording

@@ -28,7 +28,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.link.session import Session
 from tests.each_row import each_row
 from tests.fault_injection.fault_harness import FaultHarness, frames, stage, told
 from tests.links.link_fixtures import Pty, device, program_with, pty

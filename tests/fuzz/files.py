@@ -44,8 +44,8 @@ from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.sidecar import VERSION, Edits
 from imuscope.server.configuration.snapshot_text import from_text
 from imuscope.server.configuration.snapshots import SnapshotError
-from imuscope.server.devices.decode_options import DecodeOptionError, checked_options
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptionError, checked_options
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.extensions.viser import meshes
 from imuscope.server.library.decode import decode
 from imuscope.server.settings.config import ConfigError, load

@@ -12,8 +12,8 @@ from typing import Any
 import foxglove
 import numpy as np
 
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.link.session import Session
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
 from imuscope.server.streaming.telemetry import Telemetry

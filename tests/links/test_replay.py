@@ -12,7 +12,7 @@ import pytest
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.replay import ReplayClock
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.links import Link, LinkError, open_link, split_devices
 from imuscope.server.links.base import Chunk, steady_clock
 from imuscope.server.links.replay import ReplayLink

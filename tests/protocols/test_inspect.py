@@ -18,7 +18,7 @@ from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.json_codec import frame_from_json
 from imuscope.server.commands.inspect import inspect_file
 from imuscope.server.commands.inspect_table import explained_rejects
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 from tests.decode_options import decode_options
 from tests.each_row import each_row

@@ -18,9 +18,9 @@ from imuscope.server.configuration import controllers
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
 from imuscope.server.configuration.timings import ConfigurationTimings
-from imuscope.server.devices.device_names import DeviceNames
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.device.device_names import DeviceNames
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
 from imuscope.server.links.simulated_device import SimulatorOptions

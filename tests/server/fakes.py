@@ -14,8 +14,8 @@ from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Re
 from imuscope.protocols.family.info import DeviceTraits
 from imuscope.protocols.schema.fields import Field, Message
 from imuscope.protocols.xbus.device_info import identity
-from imuscope.server.devices.ingest import ProtocolTraits
-from imuscope.server.devices.protocol_detection import ProtocolSet
+from imuscope.server.devices.decode.protocol_detection import ProtocolSet
+from imuscope.server.devices.device.ingest import ProtocolTraits
 from imuscope.server.links.base import Attempt, Chunk, Link, LinkError, LinkSettings, Progress
 
 NOW_NS = 1_700_000_000_000_000_000

@@ -6,8 +6,8 @@ import asyncio
 from contextlib import AbstractAsyncContextManager
 from typing import Any
 
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from tests.server.fakes import FakeLink, TwoWayLink
 from tests.server.session_harness import SessionHarness, started
 

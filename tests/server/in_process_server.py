@@ -13,8 +13,8 @@ from typing import Any
 from imuscope.server import wire
 from imuscope.server.access.auth import Access
 from imuscope.server.app.build import create_app
-from imuscope.server.devices.protocol_detection import ProtocolSet
-from imuscope.server.devices.sessions import OpenLink
+from imuscope.server.devices.decode.protocol_detection import ProtocolSet
+from imuscope.server.devices.link.sessions import OpenLink
 from imuscope.server.http import server as http_server
 from imuscope.server.http.connections import ConnectionLimits
 from imuscope.server.http.page_files import Files

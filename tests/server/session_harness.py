@@ -8,10 +8,10 @@ from contextlib import asynccontextmanager
 from typing import Any, TypeVar
 
 from imuscope.server import wire
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_detection import ProtocolSet
-from imuscope.server.devices.sequence_store import SequenceStore
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_detection import ProtocolSet
+from imuscope.server.devices.decode.sequence_store import SequenceStore
+from imuscope.server.devices.link.session import Session
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.server.fakes import SPEECH, FakeClock, FakeLink

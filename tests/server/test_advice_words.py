@@ -9,9 +9,9 @@ import pytest
 
 from imuscope.protocols.idtp.frames import LITE, SAFETY, build
 from imuscope.protocols.idtp.simulator import IdtpSimulator
-from imuscope.server.devices.decode_options import DecodeOptions, url_options
-from imuscope.server.devices.protocol_detection import unknown_hint
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.decode.decode_options import DecodeOptions, url_options
+from imuscope.server.devices.decode.protocol_detection import unknown_hint
+from imuscope.server.devices.link.session import Session
 from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkError, LinkSettings
 from tests import virtual_time

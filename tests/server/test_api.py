@@ -212,7 +212,7 @@ def test_the_token_of_the_printed_address_becomes_a_cookie(guarded: Config) -> N
 
 
 def test_an_internal_error_has_the_error_format(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imuscope.server.devices.sessions.Sessions.infos", property(lambda self: 1 / 0))
+    monkeypatch.setattr("imuscope.server.devices.link.sessions.Sessions.infos", property(lambda self: 1 / 0))
     assert_problem(client.get("/api/devices"), 500, "fault")
 
 

@@ -12,7 +12,7 @@ from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.devices.device_demux import QuietReason
+from imuscope.server.devices.device.device_demux import QuietReason
 from imuscope.server.wire import Job
 from tests.each_row import each_row
 from tests.server.control_harness import ControlHarness, bench, house, house_of, over

@@ -33,7 +33,7 @@ from imuscope.server.commands.decode import decode_file
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from imuscope.server.configuration.snapshot_text import from_text
 from imuscope.server.configuration.snapshots import SnapshotError, to_text
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from tests.read_library import ReadLibrary
 from tests.server_process import ROOT
 

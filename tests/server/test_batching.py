@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from imuscope.recordings.mcap.live_writer import RecordingWriter
 from imuscope.recordings.mcap.reader import McapReader
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.link.session import Session
 from imuscope.server.links.base import Chunk, LinkSettings
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.bench.serial_device import frame

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.source import McapSource
-from imuscope.server.devices import byte_memory
-from imuscope.server.devices.byte_memory import ByteMemory, Direction, LinkMemory
+from imuscope.server.devices.link import byte_memory
+from imuscope.server.devices.link.byte_memory import ByteMemory, Direction, LinkMemory
 from imuscope.server.links.base import CHUNK_COST, Chunk
 from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_store import ChannelStore

@@ -23,7 +23,7 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.library.probe import probe
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 

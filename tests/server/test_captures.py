@@ -10,10 +10,10 @@ import pytest
 
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.server import wire
-from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
-from imuscope.server.devices.device_state import DeviceState
-from imuscope.server.devices.ingest import LinkTiming
-from imuscope.server.devices.link_stats import LinkStatistics
+from imuscope.server.devices.device.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device.device_state import DeviceState
+from imuscope.server.devices.device.ingest import LinkTiming
+from imuscope.server.devices.device.link_stats import LinkStatistics
 from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row

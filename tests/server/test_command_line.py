@@ -21,7 +21,7 @@ from imuscope.protocols.family.decode_options import DecodeOption
 from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
 from imuscope.server.commands import arguments
 from imuscope.server.commands.completion import script
-from imuscope.server.devices.decode_options import source_options
+from imuscope.server.devices.decode.decode_options import source_options
 from imuscope.server.settings.config import setting_names
 from tests.each_row import each_row
 from tests.server_process import ROOT, ServerProcess, imuscope

@@ -11,7 +11,7 @@ from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.commands.commands import WIDTH, CommandListRow, manual
 from imuscope.server.commands.compose import ComposeError
 from imuscope.server.configuration.form_builder import all_forms
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from tests.server_process import imuscope
 
 

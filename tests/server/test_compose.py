@@ -19,7 +19,7 @@ from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.commands.commands import manual
 from imuscope.server.commands.compose import ComposeError, composers, find_composer, frame_of, frames_of, parse
 from imuscope.server.commands.inspect import inspect_file
-from imuscope.server.devices.decode_options import DecodeOptions, checked_options
+from imuscope.server.devices.decode.decode_options import DecodeOptions, checked_options
 from tests.decode_options import decode_options
 from tests.each_row import each_row
 from tests.server_process import imuscope

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.devices.connection_state import (
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.link.connection_state import (
     OPEN_STATES,
     TRANSITIONS,
     Connection,
@@ -17,8 +18,7 @@ from imuscope.server.devices.connection_state import (
     ConnectionState,
     IllegalTransitionError,
 )
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.link.session import Session
 from imuscope.server.links.base import LinkError, LinkSettings
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time

@@ -11,10 +11,10 @@ from typing import cast
 import pytest
 
 from imuscope.protocols.embedded.nmea import sentence
-from imuscope.server.devices import decode_budget
-from imuscope.server.devices.decode_budget import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, RoundRobin, Slices
-from imuscope.server.devices.event_reporter import TEXT_SORTS
-from imuscope.server.devices.link_stats import MAX_MESSAGES
+from imuscope.server.devices.decode import decode_budget
+from imuscope.server.devices.decode.decode_budget import INITIAL_BYTES, MIN_BYTES, SLICE_S, TURN_S, RoundRobin, Slices
+from imuscope.server.devices.device.event_reporter import TEXT_SORTS
+from imuscope.server.devices.device.link_stats import MAX_MESSAGES
 from imuscope.server.diagnostics.metrics import Metrics, Sources
 from imuscope.server.links import open_link
 from imuscope.server.links.base import CHUNK_COST, Chunk, LinkSettings

@@ -16,7 +16,7 @@ from imuscope.protocols.schema.fields import Field, Message
 from imuscope.server.api.decode_options_body import DecodeOptionsBody
 from imuscope.server.commands import arguments as options
 from imuscope.server.commands.common import decode_options_of
-from imuscope.server.devices.decode_options import (
+from imuscope.server.devices.decode.decode_options import (
     DecodeOptionError,
     DecodeOptions,
     changed,

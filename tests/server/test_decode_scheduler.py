@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 
 from imuscope.server.concurrency.heartbeat import UNWATCHED_S
-from imuscope.server.devices.connection_state import ConnectionEvent
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.decode_scheduler import DecodeScheduler
-from imuscope.server.devices.session import Session
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_scheduler import DecodeScheduler
+from imuscope.server.devices.link.connection_state import ConnectionEvent
+from imuscope.server.devices.link.session import Session
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.links.base import Chunk, Link, LinkSettings
 from imuscope.server.streaming.clients import FLUSH_S
 from imuscope.server.streaming.send_queue import SendQueue

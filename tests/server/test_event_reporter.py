@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from imuscope.protocols.events import RejectedFrame
-from imuscope.server.devices.event_reporter import EventReporter
+from imuscope.server.devices.device.event_reporter import EventReporter
 from imuscope.server.streaming.telemetry import Telemetry
 
 

@@ -14,7 +14,7 @@ from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library import export_sizes
 from imuscope.server.library.decode import decode
 from imuscope.server.library.zip_download import one_file

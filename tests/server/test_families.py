@@ -19,8 +19,8 @@ from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server import wire
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire import codec as wire_codec
 from tests.decode_options import decode_options

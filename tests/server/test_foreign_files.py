@@ -35,7 +35,10 @@ FORBIDDEN = (
 )
 """What reads files, and parsers of YAML, SQL, HDF5 and archives."""
 ALLOWED = {
-    ("imuscope.server.extensions.fleet.database", "sqlite3"): "the database of a fleet server, which alone writes it",
+    (
+        "imuscope.server.extensions.fleet.query.database",
+        "sqlite3",
+    ): "the database of a fleet server, which alone writes it",
     ("imuscope.server.extensions.rerun.assets", "gzip"): "packs files of an installed package",
     ("imuscope.server.extensions.rerun.routes", "gzip"): "sends them",
     ("imuscope.server.commands.common", "imuscope.recordings.readers.formats"): "names of folders only",

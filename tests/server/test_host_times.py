@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clocks.clock_sync import ClockSync
 from imuscope.protocols.events import Batch, ClockStep
-from imuscope.server.devices.ingest import Ingest, LinkTiming
+from imuscope.server.devices.device.ingest import Ingest, LinkTiming
 from tests.server.fakes import MESSAGE
 
 SIZE, PERIOD_NS, BYTE_NS = 60, 2_500_000, 5_000

@@ -7,8 +7,8 @@ from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.device_info import identity as xbus_identity
 from imuscope.protocols.xbus.enums import STATUS_BITS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.server.devices.device_state import DeviceState
-from imuscope.server.devices.ingest import DeviceIdentity
+from imuscope.server.devices.device.device_state import DeviceState
+from imuscope.server.devices.device.ingest import DeviceIdentity
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire import DeviceInfo
 from tests.each_row import each_row

@@ -13,7 +13,7 @@ from imuscope.protocols.isb.frames import DATA
 from imuscope.protocols.isb.frames import build as isb_packet
 from imuscope.protocols.xbus.frames import build as xbus_frame
 from imuscope.server.commands.inspect import inspect_file
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.text.printable import json_text, printable
 from tests.decode_options import decode_options
 from tests.each_row import each_row

@@ -14,9 +14,9 @@ from unittest.mock import AsyncMock, Mock
 import pytest
 
 from imuscope.server import wire
-from imuscope.server.devices.session import Session
-from imuscope.server.devices.sessions import Sessions
-from imuscope.server.devices.stream_diagnostics import StreamDiagnostics
+from imuscope.server.devices.device.stream_diagnostics import StreamDiagnostics
+from imuscope.server.devices.link.session import Session
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.library import export_jobs
 from imuscope.server.library.catalogue import Catalogue

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imuscope.protocols.idtp.frames import build as idtp_frame
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from tests.each_row import each_row
 from tests.server.family_harness import family
 

@@ -15,7 +15,7 @@ from imuscope.recordings.exporters.request import ExportError, ExportRequest
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.library.probe import probe
 from imuscope.recordings.mcap.compaction import compact
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.library.decode import decode
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros

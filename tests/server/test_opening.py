@@ -16,7 +16,7 @@ from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from imuscope.server.streaming.channels import ChannelRegistry
 from imuscope.server.wire import ChannelInfo

@@ -10,9 +10,9 @@ import pytest
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.link.session import Session
 from imuscope.server.links.base import LinkError, LinkSettings
 from imuscope.server.streaming.telemetry import Telemetry
 from tests import virtual_time

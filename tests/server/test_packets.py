@@ -19,8 +19,8 @@ from imuscope.protocols.isb.json_codec import frame_to_json as isb_values
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.json_codec import frame_to_json as xbus_values
-from imuscope.server.devices.byte_memory import LinkMemory
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.link.byte_memory import LinkMemory
 from imuscope.server.library.packets import SampleArrival, live_bytes, packets_around
 from imuscope.server.links.base import Chunk
 from imuscope.server.settings.config import Config

@@ -15,7 +15,7 @@ from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, Column
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.server import wire
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.api_models import RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache, DecodeJob
 from imuscope.server.library.decode import decode

@@ -11,8 +11,8 @@ import pytest
 from imuscope.protocols.idtp.custom_payloads import parse, written
 from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
 from imuscope.recordings.importers.open_file import open_file
-from imuscope.server.devices.decode_options import DecodeOptions, recorded
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptions, recorded
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.decode import decode
 from tests.decode_options import decode_options

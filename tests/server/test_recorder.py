@@ -24,7 +24,7 @@ from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import MarkerRequest
 from imuscope.server.library.compaction_worker import CompactionWorker

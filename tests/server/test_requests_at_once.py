@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.devices.session import Session
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.link.session import Session
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.wire import DeviceInfo
 from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S

@@ -19,7 +19,7 @@ from imuscope.server.commands import send
 from imuscope.server.configuration.change_plan import plan_command
 from imuscope.server.configuration.form_builder import forms_of
 from imuscope.server.configuration.risks import dangers_of_write
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 from tests.each_row import each_row
 from tests.server.control_harness import BRIEFEST, house_of

@@ -14,7 +14,7 @@ from imuscope.server.api.configure import apply, confirmed, wanted_sensor
 from imuscope.server.configuration.api_models import ApplyRequest
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.sensor_check import doubts, sensor_of
-from imuscope.server.devices.device_names import MAX_IDS, DeviceNames
+from imuscope.server.devices.device.device_names import MAX_IDS, DeviceNames
 from imuscope.server.errors import DomainError
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults

@@ -14,9 +14,9 @@ import pytest
 
 from imuscope.protocols.idtp.frames import LITE, SAFETY, SECURE, build
 from imuscope.server.cli import main
-from imuscope.server.devices import protocol_set
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.sequence_store import MAX_DEVICES, SequenceStore, is_newer
+from imuscope.server.devices.decode import protocol_set
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.sequence_store import MAX_DEVICES, SequenceStore, is_newer
 from imuscope.server.links.base import LinkError
 from imuscope.server.settings.config import Config
 from tests.decode_options import decode_options
@@ -311,7 +311,7 @@ def test_a_full_disk_loses_no_stored_sequence_numbers(tmp_path: Path, monkeypatc
     def refuse(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("imuscope.server.devices.sequence_store.atomic_write.write_atomic", refuse)
+    monkeypatch.setattr("imuscope.server.devices.decode.sequence_store.atomic_write.write_atomic", refuse)
     store = SequenceStore(tmp_path)
     store.update(KEY, {1: 5})
     store.save()

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.events import Batch, Event, RejectedFrame, Reply
-from imuscope.server.devices import device_state, protocol_detection
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.devices.session import GIVE_UP_S, Session
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.decode import protocol_detection
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.device import device_state
+from imuscope.server.devices.link.session import GIVE_UP_S, Session
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.links.base import LinkError, LinkSettings, Progress
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
@@ -99,7 +100,7 @@ async def test_a_local_port_is_opened_at_the_tick_after_its_return(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It waited for the next attempt, up to ten seconds later."""
-    monkeypatch.setattr("imuscope.server.devices.session.LOCAL_S", (1e6, 1e6))
+    monkeypatch.setattr("imuscope.server.devices.link.session.LOCAL_S", (1e6, 1e6))
     port = tmp_path / "ttyFAKE"
 
     class LocalLink(FakeLink):

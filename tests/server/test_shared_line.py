@@ -25,7 +25,7 @@ from imuscope.server.configuration.budget import overload
 from imuscope.server.configuration.change_plan import SHARED, plan_changes
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.preview import fit, preview_setting
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
 from imuscope.server.library.decode import decode
 from imuscope.server.library.recorder import Recorder, RecordingOptions

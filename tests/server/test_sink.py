@@ -17,9 +17,9 @@ from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.columns.health_history import HealthHistoryWriter
 from imuscope.recordings.columns.store import ColumnStoreWriter
 from imuscope.server import wire
-from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
-from imuscope.server.devices.device_state import DeviceState
-from imuscope.server.devices.ingest import LinkTiming
+from imuscope.server.devices.device.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device.device_state import DeviceState
+from imuscope.server.devices.device.ingest import LinkTiming
 from imuscope.server.library.collector import MAX_EVENTS, RecordingSink
 from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.channel_rows import ChannelRows

@@ -20,11 +20,11 @@ from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server import wire
-from imuscope.server.devices import jitter_causes
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.jitter_causes import cause_of
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.device import jitter_causes
+from imuscope.server.devices.device.jitter_causes import cause_of
+from imuscope.server.devices.link.session import Session
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
 from imuscope.server.links.simulated_line import LineFaults, SimulatedLine

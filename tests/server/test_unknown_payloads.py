@@ -15,8 +15,8 @@ from imuscope.protocols.schema.fields import Field, Message
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.frames import build as xbus_frame
 from imuscope.server import wire
-from imuscope.server.devices.device_demux import LinkDecoder, LinkDevices
-from imuscope.server.devices.device_state import DeviceState
+from imuscope.server.devices.device.device_demux import LinkDecoder, LinkDevices
+from imuscope.server.devices.device.device_state import DeviceState
 from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.streaming.unknown_payloads import MAX_BYTES, MAX_KINDS, UnknownPayloadTracker

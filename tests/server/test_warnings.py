@@ -6,7 +6,7 @@ from pathlib import Path
 
 from imuscope.protocols.idtp.frames import build
 from imuscope.recordings.importers.open_file import open_file
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from imuscope.protocols.events import Batch
 from imuscope.protocols.native.kernels import plain
-from imuscope.server.devices.decode_options import checked_options
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import checked_options
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.streaming import ring_buffer
 from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
 from imuscope.server.streaming.channels import ChannelRegistry

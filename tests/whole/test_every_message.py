@@ -28,8 +28,8 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.devices.decode_options import DecodeOptions, checked_options
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptions, checked_options
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 from tests.extensions.rerun.rrd_tables import entities

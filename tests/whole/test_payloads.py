@@ -18,8 +18,8 @@ from imuscope.protocols.isb.frames import build as isb_packet
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers.open_file import open_file
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.extensions.rerun.rrd.chunks import name_of
 from imuscope.server.library.decode import decode
 from tests.extensions.rerun.rrd_tables import column, entities

@@ -14,10 +14,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.expression_functions import DELAYED
-from imuscope.server.extensions.analysis.expression_syntax import Call, Name, Node, parse
-from imuscope.server.extensions.analysis.expressions import names_in
-from imuscope.server.extensions.analysis.live_expression import LiveExpression, check_window
+from imuscope.server.extensions.analysis.expressions.expression_functions import DELAYED
+from imuscope.server.extensions.analysis.expressions.expression_syntax import Call, Name, Node, parse
+from imuscope.server.extensions.analysis.expressions.expressions import names_in
+from imuscope.server.extensions.analysis.expressions.live_expression import LiveExpression, check_window
 from imuscope.server.wire import ChannelInfo
 
 ALONG_TIME = frozenset({*DELAYED, "unwrap", "derivative", "integral", "resample", "shift"})

@@ -25,12 +25,12 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.along_time import AlongTime, is_along_time
 from imuscope.server.extensions.alarms.definitions import ExpressionCondition, FlagCondition
 from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
-from imuscope.server.extensions.analysis.expression_functions import Context, euler_angles
-from imuscope.server.extensions.analysis.expression_syntax import Call, ExpressionError, Name, Node, parse
-from imuscope.server.extensions.analysis.expressions import columns_of, evaluate, names_in
-from imuscope.server.extensions.analysis.quantities import Quantity, at_times
-from imuscope.server.extensions.analysis.signals import ANGLES, EULER_ANGLES, SignalColumn, columns_named
-from imuscope.server.extensions.analysis.units import NO_UNIT, Unit
+from imuscope.server.extensions.analysis.expressions.expression_functions import Context, euler_angles
+from imuscope.server.extensions.analysis.expressions.expression_syntax import Call, ExpressionError, Name, Node, parse
+from imuscope.server.extensions.analysis.expressions.expressions import columns_of, evaluate, names_in
+from imuscope.server.extensions.analysis.signals.quantities import Quantity, at_times
+from imuscope.server.extensions.analysis.signals.signals import ANGLES, EULER_ANGLES, SignalColumn, columns_named
+from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 from imuscope.server.wire import ChannelInfo, DeviceInfo
 
 MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}

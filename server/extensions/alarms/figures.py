@@ -99,7 +99,7 @@ class HealthJudge:
                 return "The device does not send, so that its clock is not observed. Reconnect it, or start it."
             return DRIFT_UNKNOWN if health is not None and health.drift_ppm is None else ""
         if figure == "loss" and not (health and health.lost):
-            from imuscope.server.devices.protocol_set import (
+            from imuscope.server.devices.decode.protocol_set import (
                 device_counts_losses,  # late: previews, which are without, start sooner
             )
 

@@ -22,7 +22,7 @@ from imuscope.server.extensions.alarms.definitions import (
 )
 from imuscope.server.extensions.alarms.figures import HealthJudge, behind_words
 from imuscope.server.extensions.alarms.machine import UNKNOWN, AlarmMachine, AlarmStatus, AlarmTiming, AlarmTransition
-from imuscope.server.extensions.analysis.live_expression import RateUnknownError
+from imuscope.server.extensions.analysis.expressions.live_expression import RateUnknownError
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.wire import ChannelInfo
 

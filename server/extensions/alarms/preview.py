@@ -22,9 +22,9 @@ from imuscope.server.extensions.alarms.definitions import AlarmDefinition
 from imuscope.server.extensions.alarms.figures import HealthJudge
 from imuscope.server.extensions.alarms.instance import RaisedInterval, compiled, timing_of
 from imuscope.server.extensions.alarms.machine import AlarmMachine, AlarmTransition
-from imuscope.server.extensions.analysis.channel_rates import RATE_SAMPLES
-from imuscope.server.extensions.analysis.jobs import Content, json_content, opened_store
-from imuscope.server.extensions.analysis.live_expression import usual_rate
+from imuscope.server.extensions.analysis.expressions.channel_rates import RATE_SAMPLES
+from imuscope.server.extensions.analysis.expressions.live_expression import usual_rate
+from imuscope.server.extensions.analysis.jobs.jobs import Content, json_content, opened_store
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.wire import ChannelInfo
 

@@ -24,9 +24,9 @@ from imuscope.server.extensions.alarms.preview import (
 )
 from imuscope.server.extensions.alarms.service import AlarmService
 from imuscope.server.extensions.alarms.webhooks import shown_url
-from imuscope.server.extensions.analysis.channel_rates import ChannelRates
-from imuscope.server.extensions.analysis.expression_syntax import ExpressionError
-from imuscope.server.extensions.analysis.routes import recording_of, response_of
+from imuscope.server.extensions.analysis.expressions.channel_rates import ChannelRates
+from imuscope.server.extensions.analysis.expressions.expression_syntax import ExpressionError
+from imuscope.server.extensions.analysis.jobs.routes import recording_of, response_of
 from imuscope.server.library.recording_detail import channels_of
 
 router = lazy_router(prefix="/api/alarms", tags=["alarms"])

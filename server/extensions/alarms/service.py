@@ -26,8 +26,8 @@ from imuscope.server.extensions.alarms.instance import AlarmInstance, AlarmState
 from imuscope.server.extensions.alarms.recording_trigger import RecordingTrigger
 from imuscope.server.extensions.alarms.settings import FILE, AlarmSettings
 from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url, shown_url
-from imuscope.server.extensions.analysis.channel_rates import ChannelRates, have_changed
-from imuscope.server.extensions.analysis.live_expression import RateUnknownError
+from imuscope.server.extensions.analysis.expressions.channel_rates import ChannelRates, have_changed
+from imuscope.server.extensions.analysis.expressions.live_expression import RateUnknownError
 from imuscope.server.library.recorder import Recorder
 from imuscope.server.services.parts import ServicePart
 from imuscope.server.services.services import Services

@@ -8,24 +8,24 @@ from imuscope.server.services.extension import Extension, ExtensionCommand
 EXTENSION = Extension(
     "analysis",
     "Analysis",
-    parts="imuscope.server.extensions.analysis.derived_channels",
-    page_parts="imuscope.server.extensions.analysis.service",
+    parts="imuscope.server.extensions.analysis.expressions.derived_channels",
+    page_parts="imuscope.server.extensions.analysis.jobs.service",
     routes=(
-        "imuscope.server.extensions.analysis.routes",
-        "imuscope.server.extensions.analysis.comparison_routes",
-        "imuscope.server.extensions.analysis.signal_routes",
+        "imuscope.server.extensions.analysis.jobs.routes",
+        "imuscope.server.extensions.analysis.jobs.comparison_routes",
+        "imuscope.server.extensions.analysis.expressions.signal_routes",
     ),
     read_only_posts=("/api/analysis/{name}", "/api/comparison", "/api/comparison/settings"),
     commands=(
         ExtensionCommand(
             "analyse",
-            "imuscope.server.extensions.analysis.command:add",
-            "imuscope.server.extensions.analysis.command:run",
+            "imuscope.server.extensions.analysis.jobs.command:add",
+            "imuscope.server.extensions.analysis.jobs.command:run",
             scope="source",
             protocol_help="protocol of a capture (default: detected)",
             reads_file=True,
-            epilog="imuscope.server.extensions.analysis.command:analysis_list",
+            epilog="imuscope.server.extensions.analysis.jobs.command:analysis_list",
         ),
     ),
-    problems="imuscope.server.extensions.analysis.registry:problems",
+    problems="imuscope.server.extensions.analysis.noise.registry:problems",
 )

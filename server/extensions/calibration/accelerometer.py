@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.stillness import (
+from imuscope.server.extensions.analysis.signals.stillness import (
     RestRun,
     StepMeans,
     mean_and_uncertainty,
@@ -25,7 +25,7 @@ from imuscope.server.extensions.analysis.stillness import (
     stillness,
     within,
 )
-from imuscope.server.extensions.analysis.triads import NO_SAMPLES, Floats, Samples
+from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Floats, Samples
 from imuscope.server.extensions.calibration.directions import AXES, AXIS_VECTORS
 from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,

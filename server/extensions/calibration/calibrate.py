@@ -11,8 +11,8 @@ import numpy as np
 
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.errors import DomainError, UsageError
-from imuscope.server.extensions.analysis.signals import SignalColumn, recorded_samples
-from imuscope.server.extensions.analysis.triads import Samples, finite
+from imuscope.server.extensions.analysis.signals.signals import SignalColumn, recorded_samples
+from imuscope.server.extensions.analysis.signals.triads import Samples, finite
 from imuscope.server.extensions.calibration.export import FORMATS, exported
 from imuscope.server.extensions.calibration.kinds import (
     CalibrationInputs,

@@ -15,7 +15,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.triads import Floats
+from imuscope.server.extensions.analysis.signals.triads import Floats
 
 RINGS = (3, 9, 12)
 HALF = sum(RINGS)

@@ -8,8 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.stillness import StepMeans, mean_and_uncertainty, step_means, stillness, within
-from imuscope.server.extensions.analysis.triads import NO_SAMPLES, Samples
+from imuscope.server.extensions.analysis.signals.stillness import (
+    StepMeans,
+    mean_and_uncertainty,
+    step_means,
+    stillness,
+    within,
+)
+from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples
 from imuscope.server.extensions.calibration.report import (
     CalibrationFigure,
     CalibrationRefusal,

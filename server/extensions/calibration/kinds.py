@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.sample_quality import stuck_or_clipped
-from imuscope.server.extensions.analysis.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
+from imuscope.server.extensions.analysis.noise.sample_quality import stuck_or_clipped
+from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
 from imuscope.server.extensions.calibration.accelerometer import six_positions
 from imuscope.server.extensions.calibration.gyroscope import gyroscope_bias
 from imuscope.server.extensions.calibration.magnetometer import magnetometer_iron

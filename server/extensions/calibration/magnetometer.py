@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.triads import Floats, Samples
+from imuscope.server.extensions.analysis.signals.triads import Floats, Samples
 from imuscope.server.extensions.calibration.directions import (
     CELLS,
     CENTRES,

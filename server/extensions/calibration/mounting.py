@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from imuscope.protocols.rotations import euler_columns
-from imuscope.server.extensions.analysis.stillness import (
+from imuscope.server.extensions.analysis.signals.stillness import (
     RestRun,
     StepMeans,
     mean_and_uncertainty,
@@ -25,7 +25,7 @@ from imuscope.server.extensions.analysis.stillness import (
     stillness,
     within,
 )
-from imuscope.server.extensions.analysis.triads import Floats, Samples
+from imuscope.server.extensions.analysis.signals.triads import Floats, Samples
 from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,

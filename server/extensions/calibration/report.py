@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from imuscope.server.extensions.analysis.triads import Samples
+from imuscope.server.extensions.analysis.signals.triads import Samples
 
 CalibrationKind = Literal["gyroscope", "magnetometer", "accelerometer", "mounting"]
 

@@ -17,13 +17,13 @@ from imuscope.recordings.columns.store import Base
 from imuscope.server.api.dependencies import CLIENT_GONE, TheServices, user_of, while_connected
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
-from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.devices.decode.protocol_set import sensors_of
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.jobs import RecordedSource, SampleSource, copied
-from imuscope.server.extensions.analysis.routes import AHEAD_S, MAX_TIME, recording_of, time_range
-from imuscope.server.extensions.analysis.service import AnalysisService
-from imuscope.server.extensions.analysis.signals import SignalColumn, live_samples
-from imuscope.server.extensions.analysis.triads import Triad
+from imuscope.server.extensions.analysis.jobs.jobs import RecordedSource, SampleSource, copied
+from imuscope.server.extensions.analysis.jobs.routes import AHEAD_S, MAX_TIME, recording_of, time_range
+from imuscope.server.extensions.analysis.jobs.service import AnalysisService
+from imuscope.server.extensions.analysis.signals.signals import SignalColumn, live_samples
+from imuscope.server.extensions.analysis.signals.triads import Triad
 from imuscope.server.extensions.calibration.export import FORMATS, exported
 from imuscope.server.extensions.calibration.kinds import (
     HINT,

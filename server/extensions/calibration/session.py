@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuscope.server.errors import DomainError, unknown_device
-from imuscope.server.extensions.analysis.triads import Samples, Triad, finite
+from imuscope.server.extensions.analysis.signals.triads import Samples, Triad, finite
 from imuscope.server.extensions.calibration.kinds import (
     CalibrationInputs,
     CalibrationMethod,

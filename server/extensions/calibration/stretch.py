@@ -1,4 +1,4 @@
-"""Calibration of a stretch of samples as a job of another process (server/extensions/analysis/jobs.py)."""
+"""Calibration of a stretch of samples as a job of another process (server/extensions/analysis/jobs/jobs.py)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.jobs import JSON, Content, SampleSource
-from imuscope.server.extensions.analysis.signals import SignalColumn
-from imuscope.server.extensions.analysis.triads import Samples, Triad, finite
+from imuscope.server.extensions.analysis.jobs.jobs import JSON, Content, SampleSource
+from imuscope.server.extensions.analysis.signals.signals import SignalColumn
+from imuscope.server.extensions.analysis.signals.triads import Samples, Triad, finite
 from imuscope.server.extensions.calibration.kinds import METHODS, CalibrationOptions, evaluated
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.server.commands.common import check_sources, checked_protocol, decode_options_of, file_to_decode, seekable
 from imuscope.server.commands.file_arguments import add_table
-from imuscope.server.devices.decode_options import DecodeOptions, parse_source_options
+from imuscope.server.devices.decode.decode_options import DecodeOptions, parse_source_options
 from imuscope.server.errors import UsageError
 from imuscope.server.settings.config import load
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.system.temporary_folder import TemporaryFolder
-from imuscope.server.devices.byte_memory import LinkMemory
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.link.byte_memory import LinkMemory
+from imuscope.server.devices.link.session import Session
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.clocks.memory_source import BYTES, RESULT, write_memory
 from imuscope.server.library.recording_session import about

@@ -13,7 +13,7 @@ import numpy as np
 
 from imuscope.protocols.arrays import Ints
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice
-from imuscope.server.devices.byte_memory import ByteRun
+from imuscope.server.devices.link.byte_memory import ByteRun
 
 BYTES, RESULT = "bytes.npz", "time.json"  # in the folder of a measurement
 PART_CHUNKS = 1 << 14

@@ -20,7 +20,7 @@ from imuscope.recordings.tables.clocks.steps import duration_text
 from imuscope.recordings.tables.dates import utc_text
 from imuscope.recordings.tables.time_units import rate_text
 from imuscope.server.commands.decoded import decoded
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, as_json, clocks_of
 from imuscope.server.library.axis_words import RECORDING_WORDS
 

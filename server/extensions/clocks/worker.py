@@ -18,8 +18,8 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import SourceDevice
 from imuscope.recordings.system.parent_death import report_to_parent
 from imuscope.recordings.system.resource_limits import TooLong
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.extensions.clocks.live_time import live_time
 from imuscope.server.extensions.clocks.memory_source import BYTES, RESULT, MemorySource
 from imuscope.server.library.decode import decode

@@ -8,8 +8,8 @@ from dataclasses import replace
 from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.link_member import LinkMember
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.link.link_member import LinkMember
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.extensions.corrections.log import LogSink, ignore
 from imuscope.server.extensions.corrections.stream import CorrectionForwarder
 from imuscope.server.services.parts import ServicePart

@@ -37,7 +37,7 @@ from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.configuration.api_models import Corrections
-from imuscope.server.devices.position_tracker import PositionTracker
+from imuscope.server.devices.device.position_tracker import PositionTracker
 from imuscope.server.extensions.corrections.log import CorrectionLog, LogSink, ignore
 from imuscope.server.extensions.corrections.ntrip import (
     CONNECT_S,

@@ -18,10 +18,10 @@ from imuscope.recordings.columns.store import VERSION as COLUMNS_VERSION
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.registry import analysis_named
-from imuscope.server.extensions.analysis.report import figures_of
-from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
-from imuscope.server.extensions.analysis.signals import Signal, SignalColumn, recorded_samples
+from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.extensions.analysis.noise.registry import analysis_named
+from imuscope.server.extensions.analysis.noise.report import figures_of
+from imuscope.server.extensions.analysis.signals.signals import Signal, SignalColumn, recorded_samples
 from imuscope.server.extensions.evidence.plots import all_plots
 from imuscope.server.extensions.evidence.position import (
     Scrubber,

@@ -26,7 +26,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from imuscope.recordings.exporters.message_table import windows
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
 from imuscope.recordings.tables.time_units import UNITS
-from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.devices.decode.protocol_set import sensors_of
 from imuscope.server.extensions.ros2 import type_support
 from imuscope.server.extensions.ros2.key_expressions import name_of, node_names
 from imuscope.server.extensions.ros2.message_builder import FrameNames, MessageBuilder

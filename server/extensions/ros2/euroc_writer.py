@@ -23,7 +23,7 @@ from imuscope.recordings.exporters.csv_tables import heading, lines
 from imuscope.recordings.exporters.message_table import join, windows
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep, usual_interval
 from imuscope.recordings.exporters.topics import stamps
-from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.devices.decode.protocol_set import sensors_of
 from imuscope.server.extensions.ros2.joined_rows import values_of
 from imuscope.server.extensions.ros2.quantities import HINT, Place, recorded_quantities
 

@@ -20,8 +20,8 @@ from typing import Any
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server import wire
 from imuscope.server.concurrency.backoff import Backoff
-from imuscope.server.devices.device_names import DeviceNames
-from imuscope.server.devices.protocol_set import sensors_of
+from imuscope.server.devices.decode.protocol_set import sensors_of
+from imuscope.server.devices.device.device_names import DeviceNames
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.ros2.contract import Contract, read_contract
 from imuscope.server.extensions.ros2.covariances import SensorNoise, noise_of

@@ -63,7 +63,7 @@ class Ros2Settings(ExtensionSettings):
         ros2_domain, ros2_router, ros2_namespace: ROS domain, address of the Zenoh router, namespace of the nodes.
         ros2_reliability, ros2_depth: quality of service of the publishers.
         ros2_axes: "rep103": ENU and FLU; "device": as the device sends them.
-        ros2_names: name of the node of a source; otherwise imu, imu_2, … (server/devices/device_names.py).
+        ros2_names: name of the node of a source; otherwise imu, imu_2, … (server/devices/device/device_names.py).
         ros2_frames: frame_id by source, by name of the node, or of the product; otherwise the name of the node.
         ros2_covariances: noise of a device, named as in ros2_frames (covariances.py).
         ros2_map_frame: frame_id of the world.

@@ -17,8 +17,8 @@ from weakref import WeakKeyDictionary
 
 from imuscope.server.configuration.controllers import ControllerRegistry
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.devices.session import Session
-from imuscope.server.devices.sessions import Sessions
+from imuscope.server.devices.link.session import Session
+from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.shares.client_changes import ClientChanges, SettingsChange
 from imuscope.server.extensions.shares.holder.arbiter import SERVER

@@ -11,7 +11,7 @@ from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import OneSession
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.link.session import Session
 from imuscope.server.extensions.shares.client_changes import SettingsChange
 from imuscope.server.extensions.shares.port_shares import PortShares, client_name, speaker_name
 from imuscope.server.extensions.shares.shared_port_link import SharedPortLink

@@ -14,8 +14,8 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.conditions import ExpressionJudge, FlagJudge
 from imuscope.server.extensions.alarms.definitions import ExpressionCondition, FlagCondition
 from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
-from imuscope.server.extensions.analysis.expression_functions import FUNCTIONS
-from imuscope.server.extensions.analysis.expression_syntax import ExpressionError
+from imuscope.server.extensions.analysis.expressions.expression_functions import FUNCTIONS
+from imuscope.server.extensions.analysis.expressions.expression_syntax import ExpressionError
 from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 

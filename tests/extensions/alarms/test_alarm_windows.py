@@ -17,13 +17,13 @@ from imuscope.server.extensions.alarms.definitions import AlarmDefinition, Expre
 from imuscope.server.extensions.alarms.instance import AlarmState
 from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
 from imuscope.server.extensions.alarms.service import RATES_EVERY, AlarmService
-from imuscope.server.extensions.analysis.expression_functions import Context
-from imuscope.server.extensions.analysis.expression_syntax import parse
-from imuscope.server.extensions.analysis.expressions import evaluate
-from imuscope.server.extensions.analysis.live_expression import RateUnknownError
-from imuscope.server.extensions.analysis.quantities import Quantity
-from imuscope.server.extensions.analysis.signals import Floats, columns_named
-from imuscope.server.extensions.analysis.units import Unit
+from imuscope.server.extensions.analysis.expressions.expression_functions import Context
+from imuscope.server.extensions.analysis.expressions.expression_syntax import parse
+from imuscope.server.extensions.analysis.expressions.expressions import evaluate
+from imuscope.server.extensions.analysis.expressions.live_expression import RateUnknownError
+from imuscope.server.extensions.analysis.signals.quantities import Quantity
+from imuscope.server.extensions.analysis.signals.signals import Floats, columns_named
+from imuscope.server.extensions.analysis.signals.units import Unit
 from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
 from tests.each_row import each_row
 from tests.server.live_signal import BEGIN, LiveSignal

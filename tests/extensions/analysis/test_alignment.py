@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.simulator.trajectory import vehicle_motion
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis import alignment
-from imuscope.server.extensions.analysis.alignment import align
-from imuscope.server.extensions.analysis.signals import Signal
+from imuscope.server.extensions.analysis.compare import alignment
+from imuscope.server.extensions.analysis.compare.alignment import align
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from tests.deep_run import IS_DEEP
 from tests.each_row import each_row
 

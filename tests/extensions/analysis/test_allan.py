@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.allan_deviation import allan_curve, averaging_lengths
-from imuscope.server.extensions.analysis.noise_model import fit_noise
-from imuscope.server.extensions.analysis.registry import analysis_named
-from imuscope.server.extensions.analysis.report import figures_of
-from imuscope.server.extensions.analysis.signals import Floats, Signal, SignalColumn, temperature_of
+from imuscope.server.extensions.analysis.noise.allan_deviation import allan_curve, averaging_lengths
+from imuscope.server.extensions.analysis.noise.noise_model import fit_noise
+from imuscope.server.extensions.analysis.noise.registry import analysis_named
+from imuscope.server.extensions.analysis.noise.report import figures_of
+from imuscope.server.extensions.analysis.signals.signals import Floats, Signal, SignalColumn, temperature_of
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 from tests.source_files import ROOT

@@ -21,11 +21,11 @@ from hypothesis import strategies as st
 
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.jobs.service import AnalysisService
 from imuscope.server.extensions.analysis.methods.statistics import run
-from imuscope.server.extensions.analysis.registry import Analysis, analyses, analysis_named, register_analysis
-from imuscope.server.extensions.analysis.report import figures_of
-from imuscope.server.extensions.analysis.service import AnalysisService
-from imuscope.server.extensions.analysis.signals import Signal, columns_named, finite_signal
+from imuscope.server.extensions.analysis.noise.registry import Analysis, analyses, analysis_named, register_analysis
+from imuscope.server.extensions.analysis.noise.report import figures_of
+from imuscope.server.extensions.analysis.signals.signals import Signal, columns_named, finite_signal
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink

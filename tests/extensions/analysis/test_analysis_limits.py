@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.jobs import AnalysisJob, Content
-from imuscope.server.extensions.analysis.limits import AnalysisLimits
-from imuscope.server.extensions.analysis.service import AnalysisService
+from imuscope.server.extensions.analysis.jobs.jobs import AnalysisJob, Content
+from imuscope.server.extensions.analysis.jobs.limits import AnalysisLimits
+from imuscope.server.extensions.analysis.jobs.service import AnalysisService
 from imuscope.server.system.fork_server import ForkServer, JobLostError
 from tests.each_row import each_row
 from tests.forked_workers import started_afresh
@@ -161,7 +161,7 @@ async def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
 
 
 async def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
-    forks = ForkServer("imuscope.server.extensions.analysis.worker", *AnalysisLimits().words, idle_s=0.0)
+    forks = ForkServer("imuscope.server.extensions.analysis.jobs.worker", *AnalysisLimits().words, idle_s=0.0)
     assert (await forks.run(Says("1")))[1] == b"1"
     await until(lambda: forks.pid is None, "the end of the fork server")
     assert (await forks.run(Says("2")))[1] == b"2"
@@ -169,7 +169,7 @@ async def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
 
 
 async def test_a_fork_server_that_ends_while_it_starts_is_an_error_in_words() -> None:
-    forks = ForkServer("imuscope.server.extensions.analysis.worker", "no number", "60")
+    forks = ForkServer("imuscope.server.extensions.analysis.jobs.worker", "no number", "60")
     with pytest.raises(OSError, match="it ended while it started"):
         await forks.run(Says("1"))
     assert forks.pid is None
@@ -180,7 +180,7 @@ async def test_what_runs_analyses_is_there_before_the_first_one_while_somebody_l
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Regression: the first analysis of a server waited 0.7 s for the libraries, however long the page was open."""
-    monkeypatch.setattr("imuscope.server.extensions.analysis.service._processors", lambda: 2)
+    monkeypatch.setattr("imuscope.server.extensions.analysis.jobs.service._processors", lambda: 2)
     looks, loads = [True], [9.0, 3.0, 0.5]
 
     service = AnalysisService(is_viewed=lambda: looks[0], load=lambda: loads.pop(0))
@@ -197,8 +197,8 @@ async def test_what_runs_analyses_is_there_before_the_first_one_while_somebody_l
 async def test_nothing_is_started_where_nobody_looks_or_on_a_small_machine(
     is_viewed: bool, processors: int, memory: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("imuscope.server.extensions.analysis.service._processors", lambda: processors)
-    monkeypatch.setattr("imuscope.server.extensions.analysis.service.memory_of_one", lambda: memory << 30)
+    monkeypatch.setattr("imuscope.server.extensions.analysis.jobs.service._processors", lambda: processors)
+    monkeypatch.setattr("imuscope.server.extensions.analysis.jobs.service.memory_of_one", lambda: memory << 30)
     loads = [0.0]
 
     service = AnalysisService(is_viewed=lambda: is_viewed, load=loads.pop)
@@ -219,7 +219,7 @@ async def test_closing_does_not_wait_for_the_start() -> None:
 
 
 async def test_closing_ends_the_jobs_under_way(tmp_path: Path) -> None:
-    forks = ForkServer("imuscope.server.extensions.analysis.worker", *AnalysisLimits().words)
+    forks = ForkServer("imuscope.server.extensions.analysis.jobs.worker", *AnalysisLimits().words)
     job = asyncio.create_task(forks.run(NeverEnds(tmp_path / "process")))
     pid = await _process_in(tmp_path / "process")
     await forks.close()

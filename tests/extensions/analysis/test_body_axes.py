@@ -10,9 +10,14 @@ import pytest
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import ENU_FROM, conjugate, euler_columns, product
 from imuscope.protocols.simulator.trajectory import MotionState, vehicle_motion
-from imuscope.server.extensions.analysis.signal_request import requested_signals, unknown_product
-from imuscope.server.extensions.analysis.signals import Floats
-from imuscope.server.extensions.analysis.two_sides import ComparisonAnswer, ComparisonOptions, ComparisonSide, compared
+from imuscope.server.extensions.analysis.compare.two_sides import (
+    ComparisonAnswer,
+    ComparisonOptions,
+    ComparisonSide,
+    compared,
+)
+from imuscope.server.extensions.analysis.expressions.signal_request import requested_signals, unknown_product
+from imuscope.server.extensions.analysis.signals.signals import Floats
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row
 

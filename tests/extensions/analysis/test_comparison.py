@@ -16,13 +16,13 @@ from scipy.spatial.transform import Rotation
 
 from imuscope.protocols.rotations import quaternion_columns, slerp
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.comparison import (
+from imuscope.server.extensions.analysis.compare.comparison import (
     attitude_difference,
     difference,
     difference_figures,
     outline,
 )
-from imuscope.server.extensions.analysis.signals import Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from tests.each_row import each_row
 from tests.server.in_process_server import InProcessServer, table_server
 from tests.server.problems import assert_problem

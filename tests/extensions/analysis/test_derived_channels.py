@@ -12,8 +12,8 @@ import pytest
 
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.derived_channels import DerivedChannels
-from imuscope.server.extensions.analysis.expression_syntax import ExpressionError
+from imuscope.server.extensions.analysis.expressions.derived_channels import DerivedChannels
+from imuscope.server.extensions.analysis.expressions.expression_syntax import ExpressionError
 from imuscope.server.library.signal_definitions import FILE, SignalDefinition, SignalDefinitions
 from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_rows import ChannelRows

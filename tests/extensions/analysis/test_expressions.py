@@ -15,14 +15,14 @@ from scipy import signal as scipy_signal
 
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.expression_functions import FUNCTIONS, Context
-from imuscope.server.extensions.analysis.expression_syntax import ExpressionError, parse
-from imuscope.server.extensions.analysis.expressions import evaluate, notes_of
-from imuscope.server.extensions.analysis.live_expression import LiveExpression
-from imuscope.server.extensions.analysis.quantities import Quantity
-from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
-from imuscope.server.extensions.analysis.signals import Floats, SignalColumn
-from imuscope.server.extensions.analysis.units import SYMBOLS, Unit
+from imuscope.server.extensions.analysis.expressions.expression_functions import FUNCTIONS, Context
+from imuscope.server.extensions.analysis.expressions.expression_syntax import ExpressionError, parse
+from imuscope.server.extensions.analysis.expressions.expressions import evaluate, notes_of
+from imuscope.server.extensions.analysis.expressions.live_expression import LiveExpression
+from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.extensions.analysis.signals.quantities import Quantity
+from imuscope.server.extensions.analysis.signals.signals import Floats, SignalColumn
+from imuscope.server.extensions.analysis.signals.units import SYMBOLS, Unit
 from tests.each_row import each_row
 
 RATE = 100.0

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.server.extensions.analysis.methods.histogram import MOST_BINS
-from imuscope.server.extensions.analysis.registry import analysis_named
-from imuscope.server.extensions.analysis.report import figures_of
-from imuscope.server.extensions.analysis.signals import Signal
+from imuscope.server.extensions.analysis.noise.registry import analysis_named
+from imuscope.server.extensions.analysis.noise.report import figures_of
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from tests.each_row import each_row
 
 

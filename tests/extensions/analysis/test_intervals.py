@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.expression_syntax import ExpressionError
-from imuscope.server.extensions.analysis.registry import analysis_named
-from imuscope.server.extensions.analysis.signal_request import ExpressionSignal, requested_signals
-from imuscope.server.extensions.analysis.signals import Signal, SignalColumn
+from imuscope.server.extensions.analysis.expressions.expression_syntax import ExpressionError
+from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, requested_signals
+from imuscope.server.extensions.analysis.noise.registry import analysis_named
+from imuscope.server.extensions.analysis.signals.signals import Signal, SignalColumn
 
 START = 1_760_000_000.0
 CHANNELS = [

@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.expression_functions import FUNCTIONS, Context
-from imuscope.server.extensions.analysis.expression_syntax import ExpressionError, parse
-from imuscope.server.extensions.analysis.expressions import evaluate
-from imuscope.server.extensions.analysis.live_expression import LiveExpression, usual_rate
-from imuscope.server.extensions.analysis.live_streams import WAIT_S, Piece
-from imuscope.server.extensions.analysis.quantities import Quantity
-from imuscope.server.extensions.analysis.signals import Floats, columns_named
-from imuscope.server.extensions.analysis.units import Unit
+from imuscope.server.extensions.analysis.expressions.expression_functions import FUNCTIONS, Context
+from imuscope.server.extensions.analysis.expressions.expression_syntax import ExpressionError, parse
+from imuscope.server.extensions.analysis.expressions.expressions import evaluate
+from imuscope.server.extensions.analysis.expressions.live_expression import LiveExpression, usual_rate
+from imuscope.server.extensions.analysis.expressions.live_streams import WAIT_S, Piece
+from imuscope.server.extensions.analysis.signals.quantities import Quantity
+from imuscope.server.extensions.analysis.signals.signals import Floats, columns_named
+from imuscope.server.extensions.analysis.signals.units import Unit
 from tests.deep_run import some
 from tests.each_row import each_row
 

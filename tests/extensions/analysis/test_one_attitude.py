@@ -26,7 +26,7 @@ from imuscope.protocols.rotations import (
     quaternion_of,
     quaternions,
 )
-from imuscope.server.extensions.analysis.signal_request import requested_signals
+from imuscope.server.extensions.analysis.expressions.signal_request import requested_signals
 from imuscope.server.extensions.calibration.mounting import mounting_angles
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.each_row import each_row

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.extensions.analysis.pairs import paired, shortened, thinned
-from imuscope.server.extensions.analysis.signals import Signal
+from imuscope.server.extensions.analysis.signals.pairs import paired, shortened, thinned
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from tests.each_row import each_row
 from tests.server.in_process_server import InProcessServer, table_server
 from tests.server.problems import assert_problem

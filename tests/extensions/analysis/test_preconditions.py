@@ -15,8 +15,8 @@ import pytest
 
 from imuscope.server.cli import main
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.analyse import SignalReport, print_table
-from imuscope.server.extensions.analysis.registry import FiguresOfSignal, analysis_named
+from imuscope.server.extensions.analysis.jobs.analyse import SignalReport, print_table
+from imuscope.server.extensions.analysis.noise.registry import FiguresOfSignal, analysis_named
 from tests.each_row import each_row
 from tests.extensions.analysis.simulated_sensors import (
     B_SHEET,

@@ -17,8 +17,8 @@ from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.live_writer import Limits
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.source import McapSource
-from imuscope.server.devices import protocol_set
-from imuscope.server.extensions.analysis.recorded_signals import add_computed_signals
+from imuscope.server.devices.decode import protocol_set
+from imuscope.server.extensions.analysis.expressions.recorded_signals import add_computed_signals
 from imuscope.server.library.decode import decode
 from imuscope.server.library.decoder_fingerprint import decoding_sources
 from imuscope.server.library.recorder import Recorder, RecordingOptions

@@ -10,9 +10,9 @@ import pytest
 from scipy import signal as scipy_signal
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.registry import analysis_named
-from imuscope.server.extensions.analysis.report import figures_of
-from imuscope.server.extensions.analysis.signals import Floats, Signal
+from imuscope.server.extensions.analysis.noise.registry import analysis_named
+from imuscope.server.extensions.analysis.noise.report import figures_of
+from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
 from tests.each_row import each_row
 
 START = 1_760_000_000.0

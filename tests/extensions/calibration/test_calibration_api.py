@@ -16,9 +16,9 @@ import yaml
 
 from imuscope.protocols.simulator.setups import HARD_IRON, SOFT_IRON, SensorSetup
 from imuscope.server import wire
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.service import AnalysisService
+from imuscope.server.extensions.analysis.jobs.service import AnalysisService
 from imuscope.server.extensions.calibration.kinds import CalibrationInputs
 from imuscope.server.extensions.calibration.session import MAX_SAMPLES, SampleCollector
 from imuscope.server.extensions.calibration.stretch import CalibrationJob

@@ -10,7 +10,7 @@ import pytest
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.tables.dates import utc_text
-from imuscope.server.devices.decode_options import DecodeOptions
+from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.extensions.clocks import figures
 from imuscope.server.extensions.clocks.print_clocks import print_clocks
 from tests.each_row import each_row

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from imuscope.recordings.sources import SourceDevice
-from imuscope.server.devices.byte_memory import ByteRun
-from imuscope.server.devices.protocol_set import all_protocols
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.devices.link.byte_memory import ByteRun
 from imuscope.server.extensions.clocks.memory_source import MemorySource, write_memory
 from imuscope.server.links import open_link
 from imuscope.server.settings.config import Config

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from imuscope.server.extensions.fleet.device_settings import DeviceSettings
-from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
-from imuscope.server.extensions.fleet.status_summary import summary_of
-from imuscope.server.extensions.fleet.summaries import RobotSummary
+from imuscope.server.extensions.fleet.model.device_settings import DeviceSettings
+from imuscope.server.extensions.fleet.model.reports import RobotDevice, RobotStatus
+from imuscope.server.extensions.fleet.model.status_summary import summary_of
+from imuscope.server.extensions.fleet.model.summaries import RobotSummary
 
 PRODUCT = "MTi-630-8A1G6"
 

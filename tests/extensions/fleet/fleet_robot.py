@@ -7,10 +7,10 @@ import threading
 
 import zenoh
 
-from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
-from imuscope.server.extensions.fleet.journal import Journal
-from imuscope.server.extensions.fleet.reports import RobotDevice, RobotEvent, RobotStatus
+from imuscope.server.extensions.fleet.model import keys
+from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.extensions.fleet.model.journal import Journal
+from imuscope.server.extensions.fleet.model.reports import RobotDevice, RobotEvent, RobotStatus
 
 
 class FleetRobot:

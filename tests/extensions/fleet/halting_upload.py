@@ -15,9 +15,9 @@ import pyarrow as pa
 import pytest
 
 from imuscope.server.cli import main as imuscope
-from imuscope.server.extensions.fleet import delta_tables
-from imuscope.server.extensions.fleet import upload as uploading
-from imuscope.server.extensions.fleet.tables import SETTINGS, TABLES
+from imuscope.server.extensions.fleet.store import delta_tables
+from imuscope.server.extensions.fleet.store.tables import SETTINGS, TABLES
+from imuscope.server.extensions.fleet.upload import upload as uploading
 
 HALTED = "halted"
 PLACES = ("object", "table", "rows", *TABLES)

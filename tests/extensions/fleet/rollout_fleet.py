@@ -14,12 +14,13 @@ from typing import Any
 import httpx
 import pytest
 
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.extensions.fleet import fleet_server, publisher
-from imuscope.server.extensions.fleet.fleet_command import create_fleet_server
-from imuscope.server.extensions.fleet.fleet_settings import FleetServerSettings, FleetSettings
-from imuscope.server.extensions.fleet.rollout_steps import RolloutTiming
-from imuscope.server.extensions.fleet.settings import FleetTables
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.extensions.fleet.model.fleet_settings import FleetServerSettings, FleetSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables
+from imuscope.server.extensions.fleet.robot import publisher
+from imuscope.server.extensions.fleet.rollouts.rollout_steps import RolloutTiming
+from imuscope.server.extensions.fleet.server import fleet_server
+from imuscope.server.extensions.fleet.server.fleet_command import create_fleet_server
 from imuscope.server.links import open_link
 from imuscope.server.settings.config import Config
 from tests.extensions.fleet.tcp_proxy import TcpProxy

@@ -14,9 +14,9 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from imuscope.server.extensions.fleet.reports import RobotDevice
-from imuscope.server.extensions.fleet.robots import Robots
-from imuscope.server.extensions.fleet.summaries import RobotAlarm, RobotSummary
+from imuscope.server.extensions.fleet.model.reports import RobotDevice
+from imuscope.server.extensions.fleet.model.robots import Robots
+from imuscope.server.extensions.fleet.model.summaries import RobotAlarm, RobotSummary
 from imuscope.server.settings.config import Config
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import InProcessServer

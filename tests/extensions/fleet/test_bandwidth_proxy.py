@@ -12,11 +12,11 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet import bandwidth_proxy
-from imuscope.server.extensions.fleet.bandwidth_proxy import BURST_S, LimitedLine, LineRate
-from imuscope.server.extensions.fleet.store import StoreError, limited, location
-from imuscope.server.extensions.fleet.upload import upload
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.extensions.fleet.store.store import StoreError, limited, location
+from imuscope.server.extensions.fleet.tunnel import bandwidth_proxy
+from imuscope.server.extensions.fleet.tunnel.bandwidth_proxy import BURST_S, LimitedLine, LineRate
+from imuscope.server.extensions.fleet.upload.upload import upload
 from tests.free_ports import free_port
 from tests.manual_clock import SleptTime
 from tests.timeouts import PATIENCE_S

@@ -10,20 +10,20 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from imuscope.server.extensions.fleet import collector as module
-from imuscope.server.extensions.fleet import database as database_file
-from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.collector import REQUEST_INTERVAL_S, Collector
-from imuscope.server.extensions.fleet.database import (
+from imuscope.server.extensions.fleet.model import keys
+from imuscope.server.extensions.fleet.model.journal import Journal
+from imuscope.server.extensions.fleet.model.reports import RobotDevice, RobotEvent, RobotReport, RobotStatus, encode
+from imuscope.server.extensions.fleet.model.robots import Robots
+from imuscope.server.extensions.fleet.query import database as database_file
+from imuscope.server.extensions.fleet.query.database import (
     FleetBatch,
     FleetDatabase,
     FleetDatabaseError,
     StoredEvent,
     StoredRobot,
 )
-from imuscope.server.extensions.fleet.journal import Journal
-from imuscope.server.extensions.fleet.reports import RobotDevice, RobotEvent, RobotReport, RobotStatus, encode
-from imuscope.server.extensions.fleet.robots import Robots
+from imuscope.server.extensions.fleet.server import collector as module
+from imuscope.server.extensions.fleet.server.collector import REQUEST_INTERVAL_S, Collector
 
 NAME = "otter-7"
 KEY = keys.report_key(NAME)
@@ -398,8 +398,8 @@ def test_a_batch_is_written_whole_or_not_at_all(database: FleetDatabase) -> None
 
 
 def test_the_log_of_events_is_bounded(database: FleetDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imuscope.server.extensions.fleet.database.MAX_EVENTS", 10)
-    monkeypatch.setattr("imuscope.server.extensions.fleet.database.PRUNE_EVERY", 5)
+    monkeypatch.setattr("imuscope.server.extensions.fleet.query.database.MAX_EVENTS", 10)
+    monkeypatch.setattr("imuscope.server.extensions.fleet.query.database.PRUNE_EVERY", 5)
     for number in range(8):
         database.write(FleetBatch(events=[StoredEvent("a", "", number, 0.0, "link", "info", "t", "")] * 5))
     assert len(database.events()) == 10

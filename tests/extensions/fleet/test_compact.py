@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.extensions.fleet.tables import TABLES
+from imuscope.server.extensions.fleet.store.tables import TABLES
 from tests.extensions.fleet.store_fixtures import Commands
 from tests.recordings.recorded_drive import START, drive
 from tests.server_process import ROOT, tied
@@ -74,8 +74,8 @@ def test_a_store_that_cannot_be_compacted_says_why(commands: Commands, store: Pa
 
 COMPACT_FOR_EVER = """
 import sys
-from imuscope.server.extensions.fleet.compact import compact
-from imuscope.server.extensions.fleet.store import StoreError, location
+from imuscope.server.extensions.fleet.store.compact import compact
+from imuscope.server.extensions.fleet.store.store import StoreError, location
 while True:
     try:
         for table in compact(location(sys.argv[1]), remove=True):

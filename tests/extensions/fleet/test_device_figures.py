@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pytest
 
 from imuscope.server import wire
-from imuscope.server.extensions.fleet.device_figures import DeviceFigures
+from imuscope.server.extensions.fleet.model.device_figures import DeviceFigures
 from imuscope.server.streaming.telemetry import Telemetry
 
 

@@ -15,16 +15,16 @@ import httpx
 import pytest
 import zenoh
 
-from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.access import (
+from imuscope.server.extensions.fleet.model import keys
+from imuscope.server.extensions.fleet.model.access import (
     FleetAccessError,
     RouterSettings,
     access_rules,
     as_document,
     read_robots,
 )
-from imuscope.server.extensions.fleet.bus import BusCredentials, open_bus
-from imuscope.server.extensions.fleet.reports import RobotReport, RobotStatus, encode
+from imuscope.server.extensions.fleet.model.bus import BusCredentials, open_bus
+from imuscope.server.extensions.fleet.model.reports import RobotReport, RobotStatus, encode
 from tests.each_row import each_row
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port

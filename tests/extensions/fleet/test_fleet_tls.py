@@ -12,9 +12,9 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.bus import BusCredentials
-from imuscope.server.extensions.fleet.reports import RobotReport, RobotStatus, encode
+from imuscope.server.extensions.fleet.model import keys
+from imuscope.server.extensions.fleet.model.bus import BusCredentials
+from imuscope.server.extensions.fleet.model.reports import RobotReport, RobotStatus, encode
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.free_ports import free_port
 from tests.server_process import ServerProcess

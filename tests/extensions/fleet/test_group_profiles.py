@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet.device_settings import (
+from imuscope.server.extensions.fleet.model.device_settings import (
     MAX_SETTINGS,
     DeviceSettings,
     decode_settings,
@@ -23,9 +23,9 @@ from imuscope.server.extensions.fleet.device_settings import (
     encode_settings,
     writable_settings,
 )
-from imuscope.server.extensions.fleet.group_profiles import FILE, GroupProfiles
-from imuscope.server.extensions.fleet.known_settings import KnownSettings
-from imuscope.server.extensions.fleet.reports import ReportError, RobotDevice
+from imuscope.server.extensions.fleet.model.reports import ReportError, RobotDevice
+from imuscope.server.extensions.fleet.rollouts.group_profiles import FILE, GroupProfiles
+from imuscope.server.extensions.fleet.store.known_settings import KnownSettings
 from tests.extensions.fleet.compared_robots import PRODUCT, robot, settings_at
 from tests.free_ports import free_port
 from tests.server.control_harness import house_of, outputs

@@ -15,11 +15,11 @@ import zenoh
 from websockets.exceptions import ConnectionClosed
 
 from imuscope.server import wire
-from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.bus import BusCredentials
-from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
-from imuscope.server.extensions.fleet.http_tunnel_protocol import OpenStream, encode
-from imuscope.server.extensions.fleet.robot_settings import FleetSettingsError, allowed_pages
+from imuscope.server.extensions.fleet.model import keys
+from imuscope.server.extensions.fleet.model.bus import BusCredentials
+from imuscope.server.extensions.fleet.model.fleet_settings import FleetSettings
+from imuscope.server.extensions.fleet.robot.robot_settings import FleetSettingsError, allowed_pages
+from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import OpenStream, encode
 from imuscope.server.wire import codec as wire_codec
 from tests.extensions.fleet.fleet_robot import FleetRobot
 from tests.extensions.fleet.robot_with_pages import (

@@ -17,11 +17,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from imuscope.server.extensions.fleet import journal as module
-from imuscope.server.extensions.fleet import journal_files
-from imuscope.server.extensions.fleet.journal import FOLDER, Journal
-from imuscope.server.extensions.fleet.journal_files import JOIN_ABOVE, JournalFiles, StoredRun
-from imuscope.server.extensions.fleet.reports import RobotEvent, RobotStatus, decode_journal
+from imuscope.server.extensions.fleet.model import journal as module
+from imuscope.server.extensions.fleet.model import journal_files
+from imuscope.server.extensions.fleet.model.journal import FOLDER, Journal
+from imuscope.server.extensions.fleet.model.journal_files import JOIN_ABOVE, JournalFiles, StoredRun
+from imuscope.server.extensions.fleet.model.reports import RobotEvent, RobotStatus, decode_journal
 from tests.free_ports import free_port
 from tests.server_process import ROOT, ServerProcess, tied
 from tests.timeouts import get
@@ -32,9 +32,9 @@ LIMIT = 10**6
 REPORTS_FOR_EVER = """
 import sys, time
 from pathlib import Path
-from imuscope.server.extensions.fleet import journal as module
-from imuscope.server.extensions.fleet.journal import Journal
-from imuscope.server.extensions.fleet.reports import RobotEvent
+from imuscope.server.extensions.fleet.model import journal as module
+from imuscope.server.extensions.fleet.model.journal import Journal
+from imuscope.server.extensions.fleet.model.reports import RobotEvent
 module.WRITE_S = 0.05
 journal = Journal(folder=Path(sys.argv[1]))
 journal.start()

@@ -9,8 +9,8 @@ import httpx
 import pytest
 
 from imuscope.server.access.auth import Access, Guard
-from imuscope.server.extensions.fleet.access import FleetAccessError
-from imuscope.server.extensions.fleet.operators import Operators, read_operators
+from imuscope.server.extensions.fleet.model.access import FleetAccessError
+from imuscope.server.extensions.fleet.model.operators import Operators, read_operators
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.extensions.fleet.robot_with_pages import CONTROL, VIEW, base, commands, fleet_of, token

@@ -13,9 +13,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
-from imuscope.server.extensions.fleet import samples
-from imuscope.server.extensions.fleet.metadata import RecordingKey
-from imuscope.server.extensions.fleet.packet_rows import packet_windows
+from imuscope.server.extensions.fleet.store import samples
+from imuscope.server.extensions.fleet.store.metadata import RecordingKey
+from imuscope.server.extensions.fleet.store.packet_rows import packet_windows
 from tests.recordings.store_fixtures import START, channel, column
 
 QUANTITIES = ("Acceleration", "MagneticField", "BaroPressure")

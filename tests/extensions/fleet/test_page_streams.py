@@ -15,11 +15,13 @@ import pytest
 
 from imuscope.server.access.route_rules import RouteRules
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet import http_tunnel_robot, http_tunnel_server
-from imuscope.server.extensions.fleet.access import RouterSettings
-from imuscope.server.extensions.fleet.bus import BusCredentials, client_settings, open_bus
-from imuscope.server.extensions.fleet.flow_control import LARGEST, SMALLEST, Window
-from imuscope.server.extensions.fleet.http_tunnel_protocol import (
+from imuscope.server.extensions.fleet.model.access import RouterSettings
+from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
+from imuscope.server.extensions.fleet.model.reports import RobotStatus
+from imuscope.server.extensions.fleet.model.status_summary import summary_of
+from imuscope.server.extensions.fleet.tunnel import http_tunnel_robot, http_tunnel_server
+from imuscope.server.extensions.fleet.tunnel.flow_control import LARGEST, SMALLEST, Window
+from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import (
     MAX_PART,
     CancelStream,
     EndStream,
@@ -29,10 +31,8 @@ from imuscope.server.extensions.fleet.http_tunnel_protocol import (
     ResponsePart,
     encode,
 )
-from imuscope.server.extensions.fleet.http_tunnel_robot import PageServer
-from imuscope.server.extensions.fleet.http_tunnel_server import PageStream, RobotPages
-from imuscope.server.extensions.fleet.reports import RobotStatus
-from imuscope.server.extensions.fleet.status_summary import summary_of
+from imuscope.server.extensions.fleet.tunnel.http_tunnel_robot import PageServer
+from imuscope.server.extensions.fleet.tunnel.http_tunnel_server import PageStream, RobotPages
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.waiting import until

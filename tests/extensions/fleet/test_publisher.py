@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.cli import main
-from imuscope.server.extensions.fleet.fleet_settings import FleetSettings
-from imuscope.server.extensions.fleet.publisher import report_budget
-from imuscope.server.extensions.fleet.robot_settings import FleetSettingsError, credentials_of, robot_name
-from imuscope.server.extensions.fleet.settings import FleetTables
+from imuscope.server.extensions.fleet.model.fleet_settings import FleetSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables
+from imuscope.server.extensions.fleet.robot.publisher import report_budget
+from imuscope.server.extensions.fleet.robot.robot_settings import FleetSettingsError, credentials_of, robot_name
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 

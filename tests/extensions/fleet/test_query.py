@@ -15,7 +15,7 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
-from imuscope.server.extensions.fleet.tables import TABLES
+from imuscope.server.extensions.fleet.store.tables import TABLES
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import ENDLESS, Commands
 from tests.server_process import ROOT

@@ -17,13 +17,13 @@ import pyarrow.parquet as pq
 import pytest
 from deltalake import DeltaTable
 
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
-from imuscope.server.extensions.fleet.settings import FleetTables
-from imuscope.server.extensions.fleet.store import location
-from imuscope.server.extensions.fleet.store_settings import StoreSettings
-from imuscope.server.extensions.fleet.tables import TABLES
-from imuscope.server.extensions.fleet.upload import upload
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.extensions.fleet.model.settings import FleetTables
+from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.query.prepared_queries import QUESTIONS
+from imuscope.server.extensions.fleet.store.store import location
+from imuscope.server.extensions.fleet.store.tables import TABLES
+from imuscope.server.extensions.fleet.upload.upload import upload
 from imuscope.server.settings.config import Config
 from imuscope.server.system.workers import Worker
 from tests.each_row import each_row

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.extensions.fleet import keys, reports
-from imuscope.server.extensions.fleet.journal import Journal
-from imuscope.server.extensions.fleet.reports import (
+from imuscope.server.extensions.fleet.model import keys, reports
+from imuscope.server.extensions.fleet.model.journal import Journal
+from imuscope.server.extensions.fleet.model.reports import (
     JournalAnswer,
     ReportError,
     RobotDevice,

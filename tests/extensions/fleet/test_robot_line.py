@@ -9,9 +9,14 @@ from typing import Any
 import pytest
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet import robot_line
-from imuscope.server.extensions.fleet.http_tunnel_protocol import EndStream, OpenStream, ResponseHead, ResponsePart
-from imuscope.server.extensions.fleet.robot_line import LineError, RobotLine
+from imuscope.server.extensions.fleet.tunnel import robot_line
+from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import (
+    EndStream,
+    OpenStream,
+    ResponseHead,
+    ResponsePart,
+)
+from imuscope.server.extensions.fleet.tunnel.robot_line import LineError, RobotLine
 from tests.each_row import each_row
 from tests.waiting import until
 

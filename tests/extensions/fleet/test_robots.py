@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.extensions.fleet.reports import RobotDevice, RobotStatus
-from imuscope.server.extensions.fleet.robots import Robots, TooManyRobotsError
-from imuscope.server.extensions.fleet.status_summary import summary_of
-from imuscope.server.extensions.fleet.summaries import FleetRobots, RobotSummary
+from imuscope.server.extensions.fleet.model.reports import RobotDevice, RobotStatus
+from imuscope.server.extensions.fleet.model.robots import Robots, TooManyRobotsError
+from imuscope.server.extensions.fleet.model.status_summary import summary_of
+from imuscope.server.extensions.fleet.model.summaries import FleetRobots, RobotSummary
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink
@@ -102,7 +102,7 @@ def test_a_revision_of_another_run_is_answered_with_all(robots: Robots) -> None:
 
 
 def test_removals_that_are_forgotten_are_answered_with_all(robots: Robots, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imuscope.server.extensions.fleet.robots.MAX_GONE", 1)
+    monkeypatch.setattr("imuscope.server.extensions.fleet.model.robots.MAX_GONE", 1)
     robots.update(robot("a"))
     robots.update(robot("b"))
     before = robots.revision

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet.device_settings import encode_settings
-from imuscope.server.extensions.fleet.group_profiles import GroupProfiles
-from imuscope.server.extensions.fleet.robot_line import LineError, decoded
-from imuscope.server.extensions.fleet.rollout_models import Rollout, wave_sizes
-from imuscope.server.extensions.fleet.rollout_plan import plan_of
-from imuscope.server.extensions.fleet.rollouts import RolloutFiles
+from imuscope.server.extensions.fleet.model.device_settings import encode_settings
+from imuscope.server.extensions.fleet.model.rollout_models import Rollout, wave_sizes
+from imuscope.server.extensions.fleet.rollouts.group_profiles import GroupProfiles
+from imuscope.server.extensions.fleet.rollouts.rollout_plan import plan_of
+from imuscope.server.extensions.fleet.rollouts.rollouts import RolloutFiles
+from imuscope.server.extensions.fleet.tunnel.robot_line import LineError, decoded
 from tests.each_row import each_row
 from tests.extensions.fleet.compared_robots import robot, settings_at
 from tests.extensions.fleet.rollout_fleet import BRIEF, LONG_S, OTHER_HZ, PROFILE_HZ, RolloutFleet

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.devices.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet import bandwidth_proxy
-from imuscope.server.extensions.fleet.store import limited, location
-from imuscope.server.extensions.fleet.upload import upload
+from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.extensions.fleet.store.store import limited, location
+from imuscope.server.extensions.fleet.tunnel import bandwidth_proxy
+from imuscope.server.extensions.fleet.upload.upload import upload
 from tests.extensions.fleet.store_fixtures import Commands
 from tests.extensions.fleet.tcp_proxy import FaultyProxy
 from tests.free_ports import free_port

@@ -12,10 +12,10 @@ import pyarrow as pa
 import pytest
 
 from imuscope.recordings.importers.open_file import open_file
-from imuscope.server.devices.protocol_set import all_protocols
-from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
-from imuscope.server.extensions.fleet.samples import fields_for, plain_name, sample_rows
-from imuscope.server.extensions.fleet.tables import SAMPLES, SIGNAL, UNIT
+from imuscope.server.devices.decode.protocol_set import all_protocols
+from imuscope.server.extensions.fleet.query.prepared_queries import QUESTIONS
+from imuscope.server.extensions.fleet.store.samples import fields_for, plain_name, sample_rows
+from imuscope.server.extensions.fleet.store.tables import SAMPLES, SIGNAL, UNIT
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import Commands, delta

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from imuscope.server.extensions.fleet import diagnosis
-from imuscope.server.extensions.fleet.settings import FleetTables
-from imuscope.server.extensions.fleet.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables
+from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.robot import diagnosis
 from imuscope.server.settings.config import Config
 
 

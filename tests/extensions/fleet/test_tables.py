@@ -7,8 +7,8 @@ import re
 
 import pyarrow as pa
 
-from imuscope.server.extensions.fleet.prepared_queries import QUESTIONS
-from imuscope.server.extensions.fleet.tables import TABLES
+from imuscope.server.extensions.fleet.query.prepared_queries import QUESTIONS
+from imuscope.server.extensions.fleet.store.tables import TABLES
 from tests.each_row import each_row
 from tests.server_process import ROOT
 

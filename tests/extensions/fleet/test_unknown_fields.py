@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuscope.server.extensions.fleet import keys
-from imuscope.server.extensions.fleet.collector import Collector
-from imuscope.server.extensions.fleet.journal import Journal
-from imuscope.server.extensions.fleet.reports import (
+from imuscope.server.extensions.fleet.model import keys
+from imuscope.server.extensions.fleet.model.journal import Journal
+from imuscope.server.extensions.fleet.model.reports import (
     JournalAnswer,
     ReportError,
     RobotStatus,
@@ -20,9 +19,10 @@ from imuscope.server.extensions.fleet.reports import (
     decode_report,
     encode,
 )
-from imuscope.server.extensions.fleet.robots import Robots
-from imuscope.server.extensions.fleet.summaries import FleetRobots
-from imuscope.server.extensions.fleet.unknown_fields import MAX_MORE, MAX_TEXT, unknown_parts
+from imuscope.server.extensions.fleet.model.robots import Robots
+from imuscope.server.extensions.fleet.model.summaries import FleetRobots
+from imuscope.server.extensions.fleet.model.unknown_fields import MAX_MORE, MAX_TEXT, unknown_parts
+from imuscope.server.extensions.fleet.server.collector import Collector
 from tests.each_row import each_row
 
 BOOT = "0123456789abcdef"

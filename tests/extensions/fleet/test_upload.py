@@ -15,9 +15,9 @@ from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.readers.message_source import MessageSource
-from imuscope.server.extensions.fleet import upload as uploading
-from imuscope.server.extensions.fleet.store import StoreError, location, store_error
-from imuscope.server.extensions.fleet.tables import TABLES
+from imuscope.server.extensions.fleet.store.store import StoreError, location, store_error
+from imuscope.server.extensions.fleet.store.tables import TABLES
+from imuscope.server.extensions.fleet.upload import upload as uploading
 from tests.each_row import each_row
 from tests.extensions.fleet import halting_upload, without_package
 from tests.extensions.fleet.store_fixtures import Commands, delta
@@ -287,8 +287,8 @@ def test_errors_of_the_libraries_become_one_sentence(said: str, words: str) -> N
 def test_a_server_that_does_not_answer_is_one_line(
     commands: Commands, recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("imuscope.server.extensions.fleet.store.RETRY_S", 1)
-    monkeypatch.setattr("imuscope.server.extensions.fleet.store.MAX_RETRIES", 1)
+    monkeypatch.setattr("imuscope.server.extensions.fleet.store.store.RETRY_S", 1)
+    monkeypatch.setattr("imuscope.server.extensions.fleet.store.store.MAX_RETRIES", 1)
     for name, value in (("ENDPOINT_URL", "http://127.0.0.1:9"), ("ACCESS_KEY_ID", "a"), ("SECRET_ACCESS_KEY", "b")):
         monkeypatch.setenv(f"AWS_{name}", value)
     monkeypatch.setenv("AWS_REGION", "us-east-1")

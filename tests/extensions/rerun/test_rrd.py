@@ -22,7 +22,7 @@ from imuscope.recordings.exporters import ExportRequest, by_suffix, export
 from imuscope.recordings.exporters.entities import devices_of
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.extensions.rerun.rrd.chunks import name_of
 from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_for
 from imuscope.server.extensions.rerun.rrd.writer import Work, fill, stream_of, write_rrd

@@ -11,7 +11,7 @@ import pytest
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server import wire
-from imuscope.server.devices.device_names import DeviceNames
+from imuscope.server.devices.device.device_names import DeviceNames
 from imuscope.server.extensions.ros2 import service as ros2_service
 from imuscope.server.extensions.ros2.service import Ros2
 from imuscope.server.extensions.ros2.settings import Ros2Settings

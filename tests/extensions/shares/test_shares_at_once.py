@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.devices.session import Session
+from imuscope.server.devices.link.session import Session
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.shares import port_shares
 from imuscope.server.extensions.shares.port_shares import PortShares

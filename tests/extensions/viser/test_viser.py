@@ -184,8 +184,9 @@ def test_viser_ends_with_the_server_however_that_ends(tmp_path: Path) -> None:
 def test_nothing_heavy_is_imported_before_it_is_used() -> None:
     """The start would take seconds longer: what draws, hands on or reads tables is imported by who does that."""
     code = (
-        "import sys; import imuscope.server.cli; import imuscope.server.extensions.fleet.publisher; "
-        "from imuscope.server.app.build import create_app; from imuscope.server.devices.protocol_set import problems; "
+        "import sys; import imuscope.server.cli; import imuscope.server.extensions.fleet.robot.publisher; "
+        "from imuscope.server.app.build import create_app; "
+        "from imuscope.server.devices.decode.protocol_set import problems; "
         "from imuscope.server.access.auth import Access; from imuscope.server.settings.config import load; "
         "from imuscope.server.services.extension import extension_problems; "
         "config = load(foxglove=0, rerun_connect='rerun+http://127.0.0.1:9/proxy'); "

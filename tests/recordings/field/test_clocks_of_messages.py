@@ -18,7 +18,7 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.server.commands.decode import time_sentences
 from imuscope.server.commands.inspect import inspect_file
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 from tests.oracles.foreign import ubx

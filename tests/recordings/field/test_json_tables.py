@@ -15,7 +15,7 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.readers.formats import json_table
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 from tests.recordings.readers.opening import damage_of, rows_of, survives_damage

@@ -18,7 +18,7 @@ from imuscope.recordings.tables.format import format_of
 from imuscope.recordings.tables.line_marks import LineMarks
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.recordings.tables.table_source import Utf8
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 

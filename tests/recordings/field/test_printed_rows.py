@@ -13,7 +13,7 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.tables.labels import labels_of
 from imuscope.recordings.tables.options import TableOptions
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from tests.each_row import each_row
 

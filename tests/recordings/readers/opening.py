@@ -12,7 +12,7 @@ from imuscope.recordings.columns.store import ColumnStore, ExactRows
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.tables.options import TableOptions
-from imuscope.server.devices import protocol_set
+from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 
 FLIPS = settings.default.max_examples // 3

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis import noise_model
-from imuscope.server.extensions.analysis.allan_deviation import allan_curve, averaging_lengths, intervals
-from imuscope.server.extensions.analysis.data_sheet import sheet_curve, verdicts, withheld
-from imuscope.server.extensions.analysis.noise_model import NoiseModel, fit_noise
-from imuscope.server.extensions.analysis.noise_yaml import FORMATS
-from imuscope.server.extensions.analysis.preconditions import Measured, obstacles, unchecked
-from imuscope.server.extensions.analysis.registry import (
+from imuscope.server.extensions.analysis.noise import noise_model
+from imuscope.server.extensions.analysis.noise.allan_deviation import allan_curve, averaging_lengths, intervals
+from imuscope.server.extensions.analysis.noise.data_sheet import sheet_curve, verdicts, withheld
+from imuscope.server.extensions.analysis.noise.noise_model import NoiseModel, fit_noise
+from imuscope.server.extensions.analysis.noise.noise_yaml import FORMATS
+from imuscope.server.extensions.analysis.noise.preconditions import Measured, obstacles, unchecked
+from imuscope.server.extensions.analysis.noise.registry import (
     Analysis,
     AnalysisOption,
     Result,
@@ -28,10 +28,10 @@ from imuscope.server.extensions.analysis.registry import (
     choice,
     register_analysis,
 )
-from imuscope.server.extensions.analysis.rest import rest_of
-from imuscope.server.extensions.analysis.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals import Floats, Signal
-from imuscope.server.extensions.analysis.thermal_drift import ThermalDrift, thermal_drift
+from imuscope.server.extensions.analysis.noise.thermal_drift import ThermalDrift, thermal_drift
+from imuscope.server.extensions.analysis.signals.rest import rest_of
+from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
+from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
 
 MIN_SAMPLES = 9
 MOTION = ("exclude", "include")

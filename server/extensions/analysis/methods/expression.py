@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.registry import Analysis, Result, Settings, register_analysis
-from imuscope.server.extensions.analysis.signals import Signal
+from imuscope.server.extensions.analysis.noise.registry import Analysis, Result, Settings, register_analysis
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MAX_SAMPLES = 1_000_000
 

@@ -10,8 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from imuscope.recordings.columns.statistics import statistics_of
-from imuscope.server.extensions.analysis.registry import Analysis, AnalysisOption, Result, Settings, register_analysis
-from imuscope.server.extensions.analysis.signals import Floats, Signal
+from imuscope.server.extensions.analysis.noise.registry import (
+    Analysis,
+    AnalysisOption,
+    Result,
+    Settings,
+    register_analysis,
+)
+from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
 
 MOST_BINS = 2000
 WIDEST = 1e15

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.registry import (
+from imuscope.server.extensions.analysis.noise.registry import (
     Analysis,
     AnalysisOption,
     Result,
@@ -17,7 +17,7 @@ from imuscope.server.extensions.analysis.registry import (
     choice,
     register_analysis,
 )
-from imuscope.server.extensions.analysis.signals import Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MAX_TIME = 9e9  # unix s
 DESCENDING = 1.0

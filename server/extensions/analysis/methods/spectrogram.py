@@ -1,6 +1,6 @@
 """Spectrogram: power spectral densities of successive segments, on the time axis of the samples.
 
-Segments lie within the runs of a signal (server/extensions/analysis/sampling.py): in a gap there is no column.
+Segments lie within the runs of a signal (server/extensions/analysis/signals/sampling.py): in a gap there is no column.
 """
 
 from __future__ import annotations
@@ -11,10 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.registry import Analysis, AnalysisOption, Result, Settings, register_analysis
-from imuscope.server.extensions.analysis.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals import Floats, Signal
-from imuscope.server.extensions.analysis.welch import MIN_LENGTH, OPTIONS, SCALES, Segments, segments_for
+from imuscope.server.extensions.analysis.noise.registry import (
+    Analysis,
+    AnalysisOption,
+    Result,
+    Settings,
+    register_analysis,
+)
+from imuscope.server.extensions.analysis.noise.welch import MIN_LENGTH, OPTIONS, SCALES, Segments, segments_for
+from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
+from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
 
 CELLS = 1_000_000  # of the result, which is 20 MB as text
 

@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { timesSeconds } from "./units";
 
-/** As server/extensions/analysis/units.py gives them. */
+/** As server/extensions/analysis/signals/units.py gives them. */
 it.each([
   ["m/s²", "m/s³", "m/s"],
   ["°/s", "°/s²", "°"],

@@ -1,4 +1,4 @@
-/** Products of units: what a slope and an integral are measured in. As server/extensions/analysis/units.py multiplies them. */
+/** Products of units: what a slope and an integral are measured in. As server/extensions/analysis/signals/units.py multiplies them. */
 
 type Powers = ReadonlyMap<string, number>;
 

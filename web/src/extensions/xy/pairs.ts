@@ -6,7 +6,7 @@
  *
  * With more pairs than a screen can show, rows are taken in blocks: of each the first, the last and those with the least and the
  * greatest x and y, so that no extreme is lost. A finished block is computed once, so a window that moves costs its new samples.
- * server/extensions/analysis/pairs.py does the same with what a page does not hold.
+ * server/extensions/analysis/signals/pairs.py does the same with what a page does not hold.
  */
 import { lowerBound } from "../../data/line-breaks";
 import { wrapped } from "../../data/statistics";

@@ -1,0 +1,180 @@
+"""Faults of single samples that pass for low or high noise: stuck, repeated, coarsely rounded and clipped values.
+
+They are seen in the samples themselves, whatever the sensor measures:
+
+    stuck       the same value for a long time, where the others change from sample to sample
+    repeated    pairs of equal neighbours, though the values have a fine resolution
+    coarse      the step between two possible values is larger than the noise
+    clipped     more samples at the very extreme than at the value beside it
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuscope.protocols.schema.plural import counted
+from imuscope.server.extensions.analysis.signals.signals import Floats
+
+MOST = 100_000  # samples that determine the resolution
+STUCK_S = 0.5
+MIN_WINDOW = 25  # samples: a smaller window's variance scatters too much
+QUIET = 0.01  # of the noise of the loud windows: noise by chance is never so low
+RARE = 1e-9  # probability of a stretch of equal values as long by chance
+REPEATED = 0.03  # part of equal neighbours beyond what rounding explains
+SMALL = 0.05  # part of the distances between values
+COARSE = 1.0  # standard deviations in a step of the resolution
+CLIPPED, CLIPPED_PART = 5, 5e-4  # samples at an extreme, at least
+Fault = tuple[str, str, str]
+"""Name of a check, its finding, and the remedy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Steps from each sample of a stretch to the next, computed once for all checks.
+
+    Attributes:
+        values: (n,) the samples.
+        steps: (n - 1,).
+        equal: number of steps of 0.
+        squares: sum of the squares of the steps.
+    """
+
+    values: Floats
+    steps: Floats
+    equal: int
+    squares: float
+
+    @classmethod
+    def of(cls, values: Floats) -> Steps:
+        """The steps of samples, (n,), at least two."""
+        steps = np.diff(values)
+        return cls(values, steps, len(steps) - int(np.count_nonzero(steps)), float(np.einsum("i,i", steps, steps)))
+
+    def longest_equal(self) -> tuple[int, float]:
+        """Number of samples of the longest stretch of one value, and that value."""
+        if not self.equal:
+            return 1, float(self.values[0])
+        still = np.flatnonzero(self.steps == 0)  # few, if the sensor is sound
+        begins = np.flatnonzero(np.diff(still, prepend=still[0] - 2) > 1)
+        lengths = np.diff(begins, append=len(still))
+        at = int(lengths.argmax())
+        return int(lengths[at]) + 1, float(self.values[still[begins[at]]])
+
+
+def sample_faults(values: Floats, runs: Sequence[slice], rate: float, unit: str) -> list[Fault]:
+    """Faults of the samples of a signal; the first one found hides the others.
+
+    Args:
+        values: as they came: (n,).
+        runs: stretches that are judged; no gap lies within one.
+        rate: Hz.
+        unit: of the values.
+    """
+    parts = [Steps.of(values[run]) for run in runs if run.stop - run.start > 1]
+    if not parts:
+        return []
+    if stuck := _stuck(parts, rate, unit):
+        return stuck
+    if quiet := _quiet(parts, rate):
+        return [("stuck", f"Stuck: {quiet / rate:.3g} s without noise.", _CHECK_SENSOR)]
+    (finest, step), scatter, equal = resolution([part.values for part in parts]), _scatter(parts), _equal(parts)
+    if finest > COARSE * scatter:
+        words = f"Coarse resolution: a step of {_with(finest, unit, 3)} is larger than the noise."
+        return [("resolution", words, "Set the device to an output format with a finer resolution, and record again.")]
+    by_rounding = step / (2 * math.sqrt(math.pi) * scatter)
+    if equal > 1.5 * by_rounding + REPEATED:
+        return [("repeated", f"Repeated samples: {100 * equal:.0f} % equal the one before.", _lower_rate(equal, rate))]
+    return _clipped([part.values for part in parts], unit)
+
+
+def stuck_or_clipped(values: Floats, rate: float, unit: str) -> list[Fault]:
+    """Those faults that make samples useless whatever the sensor does: at rest or in motion, (n,)."""
+    return _stuck([Steps.of(values)], rate, unit) or _clipped([values], unit) if len(values) > 1 else []
+
+
+def _equal(parts: Sequence[Steps]) -> float:
+    """Part of the samples that equal the one before."""
+    return sum(part.equal for part in parts) / sum(len(part.steps) for part in parts)
+
+
+def _stuck(parts: Sequence[Steps], rate: float, unit: str) -> list[Fault]:
+    n = sum(len(part.values) for part in parts)
+    first = parts[0].values[0]
+    if all(part.equal == len(part.steps) and part.values[0] == first for part in parts):
+        return [("stuck", f"Stuck: all {counted(n, 'sample')} are {_with(first, unit)}.", _CHECK_SENSOR)]
+    longest, at_value = max((part.longest_equal() for part in parts), key=lambda pair: pair[0])
+    others = max(_equal(parts) - longest / n, 0.0)
+    if longest >= max(STUCK_S * rate, 10) and n * others ** (longest - 1) < RARE:
+        words = f"Stuck: {longest / rate:.3g} s without a change, at {_with(at_value, unit)}."
+        return [("stuck", words, _CHECK_SENSOR)]
+    return []
+
+
+_CHECK_SENSOR = "A sensor that measures always shows noise: restart the device, and look at its settings and self-test."
+
+
+def _lower_rate(equal: float, rate: float) -> str:
+    return f"Set the output rate to what the sensor measures, about {(1 - equal) * rate:.3g} Hz, and record again."
+
+
+def resolution(parts: Sequence[Floats]) -> tuple[float, float]:
+    """A small and the usual distance of neighbouring values among all that occur; those of a fine resolution are tiny.
+
+    Only where the small one is large, too, the values lie on a coarse grid: those of a steady swing are few, but the
+    ones near its ends are close to each other.
+    """
+    values = np.unique(np.concatenate(parts)[:MOST])
+    if len(values) < 2:
+        return 0.0, 0.0
+    small, usual = np.quantile(np.diff(values), (SMALL, 0.5))
+    return float(small), float(usual)
+
+
+def _with(value: float, unit: str, digits: int = 6) -> str:
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
+def _quiet(parts: Sequence[Steps], rate: float) -> int:
+    """Samples in windows with hardly any noise, if the others have some: an average or a held value, no measurement."""
+    length = max(MIN_WINDOW, round(rate * STUCK_S))
+    intervals = []
+    for part in parts:
+        count = len(part.steps) // length
+        windows = part.steps[: count * length].reshape(count, length)[:, :-1]  # the last step leads to the next window
+        intervals.append(np.einsum("ij,ij->i", windows, windows))
+        if len(part.steps) - count * length == length - 1:
+            intervals.append(np.square(part.steps[count * length :]).sum(keepdims=True))
+    noise = np.concatenate(intervals)
+    if len(noise) < 4:
+        return 0
+    count = int(np.count_nonzero(noise < QUIET * float(np.quantile(noise, 0.75))))
+    return count * length if count >= 2 and count < 0.75 * len(noise) else 0
+
+
+def _scatter(parts: Sequence[Steps]) -> float:
+    """Standard deviation of the white noise, from neighbouring samples that differ."""
+    some = np.concatenate([part.steps[: 2 * MOST] for part in parts])
+    changed = some[some != 0][:MOST]
+    # with all steps for a coarse resolution, of which most are 0; with those that differ if samples are repeated
+    fine = len(np.unique(np.abs(changed))) > 50
+    count = sum(len(part.steps) - (part.equal if fine else 0) for part in parts)
+    return math.sqrt(sum(part.squares for part in parts) / count / 2) if count else 0.0
+
+
+def _clipped(parts: Sequence[Floats], unit: str) -> list[Fault]:
+    n = sum(map(len, parts))
+    extremes = max(float(part.max()) for part in parts), min(float(part.min()) for part in parts)
+    for extreme, word in zip(extremes, ("highest", "lowest"), strict=True):
+        count = sum(int(np.count_nonzero(part == extreme)) for part in parts)
+        if count < max(CLIPPED, CLIPPED_PART * n):
+            continue
+        rest = np.concatenate([part[part != extreme] for part in parts])
+        beside = float(rest.max() if word == "highest" else rest.min())
+        if count > 2 * int(np.count_nonzero(rest == beside)):
+            words = f"Clipped: {counted(count, 'sample')} are at the {word} value, {_with(extreme, unit)}."
+            return [("clipped", words, "Set a larger range of the sensor, or remove what drives it to its limit.")]
+    return []

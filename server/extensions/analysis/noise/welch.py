@@ -1,0 +1,122 @@
+"""Segments, windows and confidence of Welch's method, as used by spectra.
+
+Sources: P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73, for the variance of overlapping segments.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.noise.registry import AnalysisOption, choice
+from imuscope.server.extensions.analysis.signals.sampling import Sampling
+from imuscope.server.extensions.analysis.signals.signals import Floats
+
+WINDOWS = ("hann", "hamming", "blackmanharris", "flattop", "boxcar")
+DETRENDING = ("constant", "linear", "none")
+SCALES = ("power", "amplitude")
+SEGMENTS = 8  # of the automatic length, at half overlap
+MIN_LENGTH, MAX_LENGTH = 16, 1 << 16
+BLOCK = 1 << 18  # samples transformed together
+
+OPTIONS = (
+    AnalysisOption("length", 0, 0, 1 << 22, "samples", "Length of a segment; 0 chooses one."),
+    AnalysisOption("overlap", 0.5, 0, 0.95, "", "Part of a segment that it shares with the next."),
+    choice("window", WINDOWS, "Window of a segment."),
+    choice("detrend", DETRENDING, "Trend that is subtracted from each segment."),
+    choice("scale", SCALES, "amplitude is the root of power."),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """Division of a signal into segments.
+
+    Attributes:
+        length: samples of a segment.
+        step: samples from the beginning of one segment to that of the next.
+        window: (length,) weights.
+        detrend: as scipy takes it.
+    """
+
+    length: int
+    step: int
+    window: Floats
+    detrend: str | bool
+
+    def count(self, n: int) -> int:
+        """Number of segments in a run of n samples."""
+        return 0 if n < self.length else (n - self.length) // self.step + 1
+
+    def resolution(self, rate: float) -> float:
+        """Equivalent noise bandwidth of the window, Hz."""
+        return rate * float(np.square(self.window).sum() / np.square(self.window.sum()))
+
+    def degrees_of_freedom(self, counts: Sequence[int]) -> float:
+        """Of the mean of the segments of several runs; overlapping segments are correlated (Welch 1967)."""
+        energy = float(np.square(self.window).sum())
+        shared = []
+        for shift in range(self.step, self.length, self.step):
+            shared.append((float(np.dot(self.window[shift:], self.window[:-shift])) / energy) ** 2)
+        total = sum(counts)
+        variance = sum(
+            count + 2 * sum((count - n) * one for n, one in enumerate(shared, 1) if n < count) for count in counts
+        )
+        return 2 * total * total / variance
+
+
+def segments_for(sampling: Sampling, settings: Mapping[str, float], count: int = SEGMENTS) -> Segments:
+    """Segments for a signal.
+
+    Args:
+        count: number of segments of the automatic length.
+
+    Raises:
+        DomainError: "no-result": no run is as long as a segment.
+    """
+    from scipy.signal import get_window
+
+    longest = sampling.longest
+    total = sum(run.stop - run.start for run in sampling.runs)
+    length = int(settings["length"])
+    if not length:
+        length = 1 << max(0, int(math.log2(2 * total / (count + 1))))
+        length = max(MIN_LENGTH, min(length, MAX_LENGTH, 1 << int(math.log2(longest))))
+    if not 2 <= length <= longest:
+        hint = "Request a longer range, or give a shorter length."
+        message = (
+            f"A segment of {length} samples does not fit; {longest} samples are the longest stretch without a gap."
+        )
+        raise DomainError("no-result", message, hint)
+    step = max(1, length - int(length * settings["overlap"]))
+    window = get_window(WINDOWS[int(settings["window"])], length)
+    detrend = DETRENDING[int(settings["detrend"])]
+    return Segments(length, step, window, False if detrend == "none" else detrend)
+
+
+def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: Segments) -> tuple[Floats, Floats]:
+    """Frequencies, and the mean over all segments of all runs."""
+    from scipy.fft import rfft, rfftfreq
+    from scipy.signal import detrend
+
+    squares = np.zeros(2 * (segments.length // 2 + 1))
+    together = max(1, BLOCK // segments.length)
+    for values, count in zip(runs, counts, strict=True):
+        if not count:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(values, segments.length)[:: segments.step]
+        for begin in range(0, count, together):
+            block = windows[begin : min(begin + together, count)]
+            if segments.detrend == "constant":
+                block = block - block.mean(axis=1, keepdims=True)
+            elif segments.detrend:
+                block = detrend(block, axis=1, type=segments.detrend)
+            parts = rfft(block * segments.window, axis=1).view(np.float64)
+            squares += np.einsum("ij,ij->j", parts, parts)
+    power = (squares[0::2] + squares[1::2]) / (sum(counts) * rate * float(np.square(segments.window).sum()))
+    power[1 : (segments.length + 1) // 2] *= 2  # one-sided; 0 Hz and half the rate have no other side
+    return rfftfreq(segments.length, 1 / rate), power

@@ -1,0 +1,4 @@
+"""Records that robots, fleet servers and pages exchange: reports, settings, keys, journals, access.
+
+Imports no other room of the fleet.
+"""
