@@ -130,7 +130,7 @@ class Holder:
             if self._relays:
                 self._expect_port(READ | (WRITE if port.backlog else 0))
             return False
-        self._expect_port(RELAYED | (ONCE if port.is_serial else 0))  # each time: what is there now is reported again
+        self._expect_port(RELAYED | (ONCE if port.is_serial else 0))  # each time: reports bytes that are there already
         state, last, counts = relay.run(port, self._loop.fd, clients, server, until)
         if last:
             self.sharing.put_rest(clients, last, counts)
