@@ -35,7 +35,7 @@ KNOWS = {"protocols": {"protocols"}, "recordings": {"recordings", "protocols"}, 
 # What each part of the server may import of it, besides COMMON; a part is a folder, or a file of server/ itself. Rows
 # name only rows above them, so that no circle can be drawn. Imports within functions and for types count too.
 COMMON = {
-    *("backoff", "capabilities", "errors", "heartbeat", "limiters", "listeners", "previous_names", "printable"),
+    *("backoff", "capabilities", "errors", "heartbeat", "limiters", "listeners", "printable"),
     *(
         "end_signals",
         "processes",
@@ -117,7 +117,7 @@ SERVER: dict[str, set[str]] = {
             "workspaces",
         ),
     },
-    "application": {"api", "auth", "extension", "previous_names", "rate_limit", "security_headers", "services"},
+    "application": {"api", "auth", "extension", "rate_limit", "security_headers", "services"},
     "app": {
         *("application", "auth", "config", "devices", "extension", "links", "page_files", "services", "timings"),
     },
