@@ -8,7 +8,7 @@ from imuscope.server.extension import Extension, ExtensionCommand
 EXTENSION = Extension(
     "analysis",
     "Analysis",
-    parts="imuscope.server.extensions.analysis.derived_channels",
+    parts="imuscope.server.extensions.analysis.stored_signals",
     page_parts="imuscope.server.extensions.analysis.service",
     routes=(
         "imuscope.server.extensions.analysis.routes",

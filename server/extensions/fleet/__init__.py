@@ -44,6 +44,7 @@ EXTENSION = Extension(
     modules=("zenoh", "msgspec"),
     extra="fleet",
     parts="imuscope.server.extensions.fleet.parts",
+    page_parts="imuscope.server.extensions.fleet.query_service",
     routes=(
         "imuscope.server.extensions.fleet.question_routes",
         "imuscope.server.extensions.fleet.upload_routes",
