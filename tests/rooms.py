@@ -54,12 +54,11 @@ ARROWS: Mapping[str, str] = {
         concurrency
         errors
         packaging
-        previous_names
         system
         text
         version
         wire
-        links <- concurrency errors previous_names system text wire
+        links <- concurrency errors system text wire
         streaming <- concurrency version wire
         devices <- links streaming
         configuration <- devices

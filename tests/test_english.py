@@ -37,13 +37,11 @@ ALLOWED_NAMES = {
     ("server/configuration/api_models.py", "taken"): "SnapshotInfo of the HTTP API",
     ("server/configuration/snapshots.py", "taken"): "as in the HTTP API",
     ("server/extensions/calibration/report.py", "seen"): "DirectionCoverage of the HTTP API",
-    ("server/links/ports.py", "heard"): "name of the previous version in the HTTP API",
 }
 """Names that cross to users, by file, and where they cross."""
 ALLOWED_TEXTS = {
     *ALLOWED_NAMES,
     *((f"server/extensions/{name}/service.py", "said") for name in ("foxglove", "ros2", "viser")),  # data of an event
-    ("server/previous_names.py", "asked"),  # a previous name
 }
 
 

@@ -89,7 +89,7 @@ _SIGNALS_SCHEMA = {
 
 def is_simulated(about: Mapping[str, str]) -> bool:
     """Whether a simulator made the data of a recorded device. Recordings of earlier versions have only its link."""
-    return about.get("simulated", "") != "" or about.get("link") in ("simulator", "twin")
+    return about.get("simulated", "") != "" or about.get("link") == "simulator"
 
 
 class McapWriter:

@@ -43,7 +43,6 @@ from imuscope.server.access.login_throttle import UNGUESSABLE, LoginThrottle
 from imuscope.server.access.route_rules import SAFE_METHODS, RouteRules
 from imuscope.server.access.security_headers import WEBHOOK_HEADER, with_defaults
 from imuscope.server.errors import DomainError, status_of
-from imuscope.server.previous_names import path_of
 from imuscope.server.settings.config import Config, is_loopback
 
 if TYPE_CHECKING:
@@ -311,7 +310,7 @@ class Guard:
         send = with_defaults(send)
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         token = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        path, method = path_of(path_on_robot(scope["path"])), scope.get("method", "GET")
+        path, method = path_on_robot(scope["path"]), scope.get("method", "GET")
         client = (scope.get("client") or ("", 0))[0]
         try:
             if WEBHOOK_HEADER in headers:

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from fastapi import Depends, Query, Response
 
 from imuscope.protocols.commands.transactions import Risk
-from imuscope.server.api.answers import JobAnswer, JobsAnswer, TrafficAnswer
+from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
@@ -76,7 +76,7 @@ def confirmed(dangers: list[Risk], is_confirmed: bool) -> None:
 
 
 @router.get("/jobs", responses=responses(404, 422))
-async def get_jobs(controller: OneController) -> JobsAnswer:
+async def get_jobs(controller: OneController) -> wire.DeviceJobs:
     """Queue, running job, pending rollback, last results."""
     return controller.job_report
 
@@ -86,14 +86,14 @@ async def get_traffic(
     controller: OneController,
     before: Annotated[int | None, Query(ge=0)] = None,
     limit: Annotated[int, Query(ge=1, le=2000)] = 200,
-) -> list[TrafficAnswer]:
+) -> list[wire.TrafficEntry]:
     """The traffic log, newest last."""
     controller.log.flush()
     return controller.log.tail(before, limit)
 
 
 @router.post("/read", status_code=202, responses=responses(404, 409, 422))
-async def read_settings(body: ReadRequest, controller: OneController, controllers: AllControllers) -> JobAnswer:
+async def read_settings(body: ReadRequest, controller: OneController, controllers: AllControllers) -> wire.Job:
     """Read settings into a snapshot. The device does not measure while it is read."""
     if not controller.rows:
         raise DomainError("no-settings", f"{controller.member.info.name} has no settings.", "It only sends.")
@@ -119,7 +119,7 @@ async def get_health(controller: OneController) -> DeviceHealth:
 @router.post("/apply", status_code=202, responses=responses(404, 409, 422))
 async def apply(
     body: ApplyRequest, controller: OneController, sensor: WantedSensor, controllers: AllControllers
-) -> JobAnswer:
+) -> wire.Job:
     """Write settings: snapshot, difference, write, read back; temporary until confirmed where the link could be
     lost, or whatever they are with `confirm_s`. Devices that are named by their key are written only if this sensor is
     still there.
@@ -173,7 +173,7 @@ async def _change_request(
 @router.post("/run", status_code=202, responses=responses(404, 409, 422))
 async def run(
     body: RunRequest, controller: OneController, sensor: WantedSensor, controllers: AllControllers
-) -> JobAnswer:
+) -> wire.Job:
     """Run a command. A command that writes a setting is applied like any change, with snapshot and rollback."""
     request = plan_command(controller, body.command, body.values)
     reads_first = request.setting or request.changes
@@ -191,7 +191,7 @@ async def run(
 @router.post("/raw", status_code=202, responses=responses(404, 409, 422))
 async def send_raw(
     body: RawRequest, controller: OneController, sensor: WantedSensor, controllers: AllControllers
-) -> JobAnswer:
+) -> wire.Job:
     """Send bytes unchanged. They are not checked, so they are sent only when `confirmed`, unless they are one message
     that only asks. 409 names what they are and do.
     """
@@ -206,21 +206,21 @@ async def send_raw(
 
 
 @router.post("/confirm", responses=responses(404, 409, 422))
-async def confirm(controller: OneController) -> JobsAnswer:
+async def confirm(controller: OneController) -> wire.DeviceJobs:
     """Confirm the pending change: the new settings stay."""
     controller.decide(keep=True)
     return controller.job_report
 
 
 @router.post("/roll-back", responses=responses(404, 409, 422))
-async def roll_back(controller: OneController) -> JobsAnswer:
+async def roll_back(controller: OneController) -> wire.DeviceJobs:
     """Roll the pending change back now."""
     controller.decide(keep=False)
     return controller.job_report
 
 
 @router.post("/restore", status_code=202, responses=responses(404, 409, 422))
-async def restore(controller: OneController, controllers: AllControllers) -> JobAnswer:
+async def restore(controller: OneController, controllers: AllControllers) -> wire.Job:
     """Guided procedure for a device that does not answer at any baud rate."""
     _ = controller.driver
     return controller.add("Restore communication", controllers.jobs.restore(controller)).job

@@ -10,7 +10,7 @@ from typing import Annotated
 from fastapi import Depends, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from imuscope.server.api.answers import DeviceAnswer
+from imuscope.server import wire
 from imuscope.server.api.decode_options_body import DecodeOptionsBody, bad_setting
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
@@ -72,13 +72,13 @@ OneSession = Annotated[Session, Depends(session_of)]
 
 
 @router.get("")
-async def list_devices(services: TheServices) -> list[DeviceAnswer]:
+async def list_devices(services: TheServices) -> list[wire.DeviceInfo]:
     """Every device with its link and state."""
     return services.sessions.infos
 
 
 @router.post("", status_code=201, responses=responses(400, 409, 422))
-async def add_device(body: AddDeviceRequest, services: TheServices) -> DeviceAnswer:
+async def add_device(body: AddDeviceRequest, services: TheServices) -> wire.DeviceInfo:
     """Open a source. Answers at once; the progress is sent over the WebSocket."""
     reading = await asyncio.to_thread(body.reading)
     try:
@@ -113,14 +113,14 @@ async def remove_device(session: OneSession, services: TheServices) -> Response:
 
 
 @router.post("/{device}/retry", responses=responses(404, 422))
-async def retry_device(session: OneSession) -> DeviceAnswer:
+async def retry_device(session: OneSession) -> wire.DeviceInfo:
     """Try the link now instead of at `next_attempt`; play an ended file again."""
     session.retry()
     return session.info
 
 
 @router.post("/{device}/decode-options", responses=responses(400, 404, 422))
-async def read_device(body: DecodeOptionsBody, services: TheServices, session: OneSession) -> DeviceAnswer:
+async def read_device(body: DecodeOptionsBody, services: TheServices, session: OneSession) -> wire.DeviceInfo:
     """Decode future bytes with other options: the given options change, the others and the device
     stay. A `schema` is added to the existing descriptions.
     """
@@ -139,7 +139,7 @@ class NameDeviceRequest(BaseModel):
 
 
 @router.put("/{device}/name", responses=responses(404, 409, 422, 507))
-async def name_device(device: str, body: NameDeviceRequest, services: TheServices) -> DeviceAnswer:
+async def name_device(device: str, body: NameDeviceRequest, services: TheServices) -> wire.DeviceInfo:
     """Name a sensor. The name is kept with its serial number, so it follows the sensor to other ports and runs; nothing
     is written to the device.
     """
@@ -164,7 +164,7 @@ class RearmDeviceRequest(BaseModel):
 
 
 @router.post("/{device}/rearm", responses=responses(404, 422, 507))
-async def rearm_device(body: RearmDeviceRequest, session: OneSession) -> DeviceAnswer:
+async def rearm_device(body: RearmDeviceRequest, session: OneSession) -> wire.DeviceInfo:
     """Accept any sequence number that a Secure device sends next. Use it only after restarting the device: until its
     next frame arrives, replayed old frames would be accepted as new.
     """

@@ -38,7 +38,6 @@ from imuscope.server.library.range_query import (
 )
 from imuscope.server.library.recorded_settings import settings_of
 from imuscope.server.library.recording_detail import as_json, channels_of, detail
-from imuscope.server.previous_names import with_previous_keys
 
 router = lazy_router(tags=["recordings"])
 
@@ -113,7 +112,7 @@ async def get_recording(recording: str, request: Request, services: TheServices,
     with recording_errors(recording):
         await catalogue.entry(recording)
     body = await asyncio.to_thread(lambda: detail(catalogue.info(recording), store, catalogue.markers(recording)))
-    return JSONResponse(with_previous_keys(as_json(body)), headers={"cache-control": "no-store"})
+    return JSONResponse(as_json(body), headers={"cache-control": "no-store"})
 
 
 @router.get(

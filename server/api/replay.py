@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.server.api.answers import DeviceAnswer
+from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
@@ -48,7 +48,7 @@ async def source_of(path: Path, play: PlayRequest, files: ForeignFiles) -> str:
 
 
 @router.post("/api/recordings/{recording}/play", status_code=201, responses=responses(404, 409, 422))
-async def play(body: PlayRequest, entry: OneEntry, services: TheServices) -> list[DeviceAnswer]:
+async def play(body: PlayRequest, entry: OneEntry, services: TheServices) -> list[wire.DeviceInfo]:
     """Play a recording. Each of its devices appears, ends with the file, and can be played again or removed."""
     source = await source_of(entry.path, body, services.catalogue.files)
     return [session.info for session in await services.sessions.add_all(source)]

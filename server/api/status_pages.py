@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from imuscope.server.diagnostics.metrics import Sources
-from imuscope.server.previous_names import with_previous_keys
 from imuscope.server.services.services import Services
 from imuscope.server.wire.codec import to_json_safe
 
@@ -18,7 +17,7 @@ def health(services: Services) -> dict[str, Any]:
 
 def device_list(services: Services) -> list[dict[str, Any]]:
     """The answer of GET /api/devices, which needs no routes: a watcher that waits for them takes a server for dead."""
-    return [with_previous_keys(to_json_safe(info)) for info in services.sessions.infos]
+    return [to_json_safe(info) for info in services.sessions.infos]
 
 
 def metrics_page(services: Services) -> str:

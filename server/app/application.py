@@ -4,7 +4,7 @@ A robot without viewers needs no routes: they, their framework and their models 
 server. They are imported in a thread while the first request waits; devices are decoded and recorded as before. Pages
 for programs that watch over a server (server/api/status_pages.py) are answered without them.
 
-    PreviousPaths ─> Heads ─> RateLimiter ─> /healthz, /metrics, or the routes (server/api/framework.py)
+    Heads ─> RateLimiter ─> /healthz, /metrics, or the routes (server/api/framework.py)
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from imuscope.server.access.rate_limit import RateLimiter
 from imuscope.server.access.security_headers import Heads
 from imuscope.server.api.status_pages import device_list, health, metrics_page
 from imuscope.server.errors import DomainError
-from imuscope.server.previous_names import PreviousPaths
 from imuscope.server.services.extension import start_page_parts
 from imuscope.server.services.services import Services
 from imuscope.server.text.prometheus import CONTENT_TYPE
@@ -40,7 +39,7 @@ class Application:
 
     def __init__(self, services: Services) -> None:
         self.services = services
-        self._bounded = PreviousPaths(Heads(RateLimiter(self._answer)))
+        self._bounded = Heads(RateLimiter(self._answer))
         self._routes: FastAPI | None = None
         self._opening: asyncio.Future[FastAPI] | None = None
 

@@ -194,7 +194,7 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
     _add_replay(commands.add_parser)
     _add_simulate(commands.add_parser)
     _add_data(add_decode(commands.add_parser, about.outputs))
-    for made in add_commands(commands.add_parser, with_help=with_help):
+    for made in add_commands(commands.add_parser, command if command in COMMANDS else "", with_help=with_help):
         _add_data(made)
     _add_completion(commands.add_parser)
     root.commands = dict(commands.choices)

@@ -6,7 +6,6 @@ import argparse
 import contextlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 
 from imuscope.recordings.readers.bag_folder import is_bag_folder
@@ -184,6 +183,8 @@ def check_sources(sources: Sequence[str], decode_options: DecodeOptions) -> None
         known.add(place)
         if isinstance(link, FileLink) and not isinstance(link, PipeLink) and not link.path.is_file():
             # A port may be plugged in later, but a missing file is probably a typing error.
+            from difflib import get_close_matches
+
             near = get_close_matches(source, COMMANDS, 1)
             words = f" The nearest command is {near[0]}." if near else ""
             raise UsageError(

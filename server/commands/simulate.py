@@ -27,7 +27,7 @@ from imuscope.server.links.simulator import SimulatorThread
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.system.end_signals import end_signals
 
-PREFIXES = ("sim:", "twin:")
+PREFIX = "sim:"
 RATE_POLL_S = 0.05  # delay until the TCP side follows a new baud rate of the device
 MAX_WAITING = 1 << 20  # bytes queued for a TCP client; a client further behind is disconnected
 
@@ -39,9 +39,9 @@ def options_of(text: str) -> SimulatorOptions:
         UsageError: unknown device, or an invalid option.
     """
     try:
-        return SimulatorOptions.of(SourceUrl.parse(text if text.startswith(PREFIXES) else PREFIXES[0] + text))
+        return SimulatorOptions.of(SourceUrl.parse(text if text.startswith(PREFIX) else PREFIX + text))
     except LinkError as error:
-        raise UsageError(str(error).replace(PREFIXES[0], "")) from None
+        raise UsageError(str(error).replace(PREFIX, "")) from None
 
 
 def options_of_family(protocol: str) -> set[str]:

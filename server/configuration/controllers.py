@@ -15,7 +15,6 @@ from typing import Any
 
 from imuscope.protocols.commands.transactions import DeviceDriver
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.server import previous_names
 from imuscope.server.configuration.device_controller import DeviceController
 from imuscope.server.configuration.jobs import Jobs
 from imuscope.server.configuration.put_back import PUT_BACK, PutBackStore
@@ -69,7 +68,6 @@ class ControllerRegistry:
         self._sessions = sessions
         self._drivers = drivers
         self.snapshots = Snapshots(data / "snapshots", self._formerly)
-        previous_names.rename_folder(data / "trials", data / "rollbacks")
         self.rollbacks = RollbackStore(data / "rollbacks")
         self.put_back = PutBackStore(data / PUT_BACK)
         self._timings = timings

@@ -40,7 +40,6 @@ from imuscope.protocols.commands.transactions import (
 from imuscope.recordings.errors import check_format_version
 from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import read_regular
-from imuscope.server import previous_names
 from imuscope.server.configuration import settings_procedures
 from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
 from imuscope.server.configuration.sensor_check import is_same
@@ -138,7 +137,6 @@ class RollbackStore:
                 if why := check_format_version(path.name, body.pop("imuscope", FORMAT), FORMAT):
                     log.error("%s %s", why.message, why.hint)
                     continue
-                body["state"] = previous_names.ROLLBACK_STATES.get(body["state"], body["state"])
                 records.append(RollbackRecord(**body))
             except (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError) as error:
                 log.error("%s cannot be read: %s", path, error)

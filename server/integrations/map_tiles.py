@@ -11,8 +11,6 @@ redirections are not followed, anything but images is dropped, and number, size 
 from __future__ import annotations
 
 import asyncio
-import urllib.error
-import urllib.request
 from collections import OrderedDict
 from typing import Any
 
@@ -30,13 +28,6 @@ Tile = tuple[str, bytes]
 """Media type and bytes."""
 
 
-class NoRedirect(urllib.request.HTTPRedirectHandler):
-    """Opener handler that does not follow redirections of the tile server."""
-
-    def redirect_request(self, *args: Any, **kwargs: Any) -> None:
-        return None
-
-
 class TileSource:
     """The tiles of the configured server.
 
@@ -49,7 +40,6 @@ class TileSource:
         self._cached: OrderedDict[tuple[int, int, int], Tile] = OrderedDict()
         self._kept_bytes = 0
         self._slots = asyncio.Semaphore(AT_ONCE)
-        self._opener = urllib.request.build_opener(NoRedirect)
 
     async def tile(self, z: int, x: int, y: int) -> Tile:
         """Get one tile.
@@ -68,12 +58,19 @@ class TileSource:
         return entry
 
     def _fetch(self, address: str) -> Tile:
+        import urllib.request  # for the first tile: most servers fetch none
+        from urllib.error import HTTPError
+
+        class NoRedirect(urllib.request.HTTPRedirectHandler):
+            def redirect_request(self, *args: Any, **kwargs: Any) -> None:
+                return None
+
         request = urllib.request.Request(address, headers={"user-agent": f"imuscope/{VERSION}"})
         try:
-            with self._opener.open(request, timeout=TIMEOUT_S) as answer:
+            with urllib.request.build_opener(NoRedirect).open(request, timeout=TIMEOUT_S) as answer:
                 kind = str(answer.headers.get_content_type())
                 data = answer.read(MAX_BYTES + 1)
-        except urllib.error.HTTPError as error:
+        except HTTPError as error:
             error.close()
             if error.code in (404, 410):
                 raise DomainError(

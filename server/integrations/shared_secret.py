@@ -15,11 +15,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import websockets.asyncio.server
-from websockets.asyncio.server import ServerConnection
-from websockets.http11 import Request, Response
+if TYPE_CHECKING:
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
 
 HEADER = "x-imuscope-door"
 
@@ -48,6 +48,8 @@ def has_secret(headers: Mapping[str, str], secret: str) -> bool:
 @contextmanager
 def require_secret(secret: str) -> Iterator[None]:
     """Restrict `websockets` servers that a third-party library starts within the block to clients with the secret."""
+    import websockets.asyncio.server  # of a viewer's process; the server's own does without
+
     serve = websockets.asyncio.server.serve
 
     def serve_us(handler: Any, host: str, port: int, *, process_request: Any = None, **options: Any) -> Any:

@@ -43,7 +43,7 @@ from imuscope.recordings.sources import ChunkBlock, Source, damage_of
 from imuscope.recordings.system.freed_memory import keep_freed_memory
 from imuscope.recordings.tables.file_reading import FileReading
 from imuscope.recordings.tables.table_source import TableSource
-from imuscope.server import previous_names, wire
+from imuscope.server import wire
 from imuscope.server.devices.decode.decode_options import DecodeOptions, recorded
 from imuscope.server.devices.decode.protocol_detection import GUESS_SCORE, ProtocolSet
 from imuscope.server.devices.device.device_demux import LinkDecoder, LinkDevices
@@ -97,7 +97,7 @@ class _Device:
         self._protocols = protocol_set
         self._reading = reading = recorded(reading, about, usual)
         self.protocol = reading.protocol or (recorded_device.protocol if recorded_device is not None else "")
-        link = previous_names.LINKS.get(kind := about.get("link", "file"), kind)
+        link = about.get("link", "file")
         info = wire.DeviceInfo(
             id=name,
             name=about.get("name") or short_source(about.get("source", "") or source.path.name),
@@ -469,7 +469,6 @@ def _is_counted(outage: wire.EventInfo, gaps: Sequence[wire.EventInfo]) -> bool:
 
 def _event(body: Mapping[str, Any], time_ns: int) -> wire.EventInfo:
     kind, level = body.get("kind"), str(body.get("level"))
-    level = previous_names.LEVELS.get(level, level)
     return wire.EventInfo(
         0,
         float(body.get("time") or time_ns / 1e9),

@@ -56,7 +56,6 @@ class PortInfo:
         busy: its user, "a session of this server" or the name of a program; "" if it is free.
         denied: one sentence with the group to join; "" if access is allowed.
         attempts: every rate that was tried, in order.
-        heard: the same under the name of the previous version.
     """
 
     device: str
@@ -64,7 +63,6 @@ class PortInfo:
     busy: str = ""
     denied: str = ""
     attempts: list[Attempt] = field(default_factory=list)
-    heard: list[Attempt] = field(default_factory=list)
 
 
 def list_ports(in_use: Collection[str] = ()) -> list[PortInfo]:
@@ -183,7 +181,7 @@ async def scan(
             attempts = [Attempt("not opened", info.denied, time.time())]
         else:
             attempts = await listen(info.device, report, windows or ScanWindows())
-        info.attempts = info.heard = attempts
+        info.attempts = attempts
         if report is not None and (info.busy or info.denied):
             report(attempts[0])
 

@@ -9,7 +9,6 @@
     capture.bin · file:///data/capture.bin?speed=4&loop=1      a capture, played with its original timing
     drive.mcap?device=2&from=12.5&to=20         a recording, see server/links/replay.py
     sim:NAME?rate=400&drop=0.01                 a simulated device of that protocol, behind a real pseudo-terminal;
-                                                (twin:NAME of earlier versions is the same)
 
 An IPv6 address is written in brackets: `tcp://[fe80::1]:4001`. An invalid source raises a LinkError "bad-source" with
 the field, its value and the allowed values; nothing is guessed.
@@ -27,7 +26,6 @@ from difflib import get_close_matches
 from urllib.parse import parse_qsl, unquote
 
 from imuscope.protocols.registry.families import url_options
-from imuscope.server import previous_names
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.registry import link_schemes, source_forms
 from imuscope.server.links.text import grouped
@@ -93,9 +91,6 @@ class SourceUrl:
             is_port = _is_port(place) or (not os.path.exists(place) and not options.keys().isdisjoint(LINE_OPTIONS))
             return cls(text, "serial" if is_port else "file", place, options)
         name = scheme[1].lower()
-        if name in previous_names.SCHEMES:
-            text = f"{previous_names.SCHEMES[name]}:{scheme[2]}"
-            name = previous_names.SCHEMES[name]
         schemes = link_schemes()
         if name not in schemes:
             near = get_close_matches(name, schemes, 1)

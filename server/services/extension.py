@@ -311,11 +311,15 @@ def extension_routers(services: Services) -> list[APIRouter]:
 
 
 def add_commands(
-    add_parser: Callable[..., argparse.ArgumentParser], *, with_help: bool = False
+    add_parser: Callable[..., argparse.ArgumentParser], only: str = "", *, with_help: bool = False
 ) -> Iterator[argparse.ArgumentParser]:
-    """Add the commands of all extensions; yields the parsers of those that have `--data`."""
+    """Add the commands of all extensions; yields the parsers of those that have `--data`.
+
+    Args:
+        only: the one command that is needed: imuscope's own others are left out, those of other packages are tried.
+    """
     for extension in extensions():
-        for command in extension.commands:
+        for command in (one for one in extension.commands if only in ("", one.name) or extension.package):
             parser = attempt(extension, functools.partial(command.add, add_parser, with_help=with_help))
             if parser is not None and command.has_data:
                 yield parser

@@ -51,7 +51,6 @@ from urllib.parse import urlsplit
 import platformdirs
 from annotated_types import Interval, Unit
 
-from imuscope.server import previous_names
 from imuscope.server.devices.decode.decode_options import (
     DecodeOptions,
     checked_options,
@@ -273,7 +272,6 @@ def load(toml: Path | None = None, **values: Any) -> Config:
 
 
 def _checked(settings: Mapping[str, Any]) -> Config:
-    settings = {previous_names.SETTINGS.get(name, name): value for name, value in settings.items()}
     own = {name: value for name, value in settings.items() if name not in setting_names()}
     options = _decode_options(own) if own else {}
     config = replace(_chosen(Config(), settings), decode_options=options)

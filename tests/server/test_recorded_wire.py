@@ -15,7 +15,6 @@ from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server import wire
 from imuscope.server.configuration.api_models import Forms, SnapshotBody, SnapshotInfo
 from imuscope.server.library.api_models import RecordingDetail, RecordingInfo
-from imuscope.server.previous_names import with_previous_keys
 from tests.each_row import each_row
 from tests.record_wire import FAMILIES, recorded
 from tests.wire_scenes import SCENES
@@ -29,10 +28,10 @@ ANSWERS: dict[str, Any] = {
 }
 
 
-def has_shape(value: Any, kind: Any, *, previous_keys: bool = False) -> None:
+def has_shape(value: Any, kind: Any) -> None:
     """Every field is there, with its type, and no other."""
     again = TypeAdapter(kind).dump_python(TypeAdapter(kind).validate_python(value), mode="json")
-    assert (with_previous_keys(again) if previous_keys else again) == value
+    assert again == value
 
 
 @each_row("name", [*FAMILIES, *SCENES])
@@ -56,7 +55,7 @@ def test_recorded_recordings_are_those_of_today() -> None:
     has_shape(answers["GET /api/recordings"], list[RecordingInfo])
     for name in page["windows"]:
         detail = answers[f"GET /api/recordings/{name}"]
-        has_shape(detail, RecordingDetail, previous_keys=True)
+        has_shape(detail, RecordingDetail)
         has_shape(answers[f"POST /api/recordings/{name}/markers"], MarkerInfo)
         for device in detail["devices"]:
             has_shape(answers[f"GET /api/recordings/{name}/health?device={device['id']}"], HealthHistory)

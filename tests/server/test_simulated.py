@@ -71,7 +71,6 @@ def test_two_simulators_have_serial_numbers_of_their_own(serve: Serve) -> None:
     [
         ({"link": "serial"}, False),
         ({"link": "simulator"}, True),
-        ({"link": "twin"}, True),
         ({"link": "file", "simulated": "True"}, True),
     ],
 )

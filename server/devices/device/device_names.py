@@ -41,7 +41,7 @@ MAX_SOURCES = 1000
 MAX_IDS = 64  # of one source: as many devices as can be open
 MAX_NAMES = 10_000
 TOPIC = "imu"
-SIMULATED = ("sim:", "twin:")
+SIMULATED = "sim:"
 
 
 class DeviceNames:

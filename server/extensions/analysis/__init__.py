@@ -8,7 +8,7 @@ from imuscope.server.services.extension import Extension, ExtensionCommand
 EXTENSION = Extension(
     "analysis",
     "Analysis",
-    parts="imuscope.server.extensions.analysis.expressions.derived_channels",
+    parts="imuscope.server.extensions.analysis.expressions.stored_signals",
     page_parts="imuscope.server.extensions.analysis.jobs.service",
     routes=(
         "imuscope.server.extensions.analysis.jobs.routes",

@@ -5,6 +5,6 @@ from imuscope.server.services.extension import Extension
 EXTENSION = Extension(
     "corrections",
     "GNSS corrections",
-    parts="imuscope.server.extensions.corrections.manager",
+    page_parts="imuscope.server.extensions.corrections.manager",
     routes=("imuscope.server.extensions.corrections.routes",),
 )

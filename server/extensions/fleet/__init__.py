@@ -44,6 +44,7 @@ EXTENSION = Extension(
     modules=("zenoh", "msgspec"),
     extra="fleet",
     parts="imuscope.server.extensions.fleet.server.parts",
+    page_parts="imuscope.server.extensions.fleet.query.query_service",
     routes=(
         "imuscope.server.extensions.fleet.query.question_routes",
         "imuscope.server.extensions.fleet.upload.upload_routes",

@@ -25,7 +25,6 @@ from imuscope.server.devices.device.device_names import DeviceNames
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.ros2.contract import Contract, read_contract
 from imuscope.server.extensions.ros2.covariances import SensorNoise, noise_of
-from imuscope.server.extensions.ros2.key_expressions import name_of
 from imuscope.server.extensions.ros2.settings import Ros2Settings
 from imuscope.server.extensions.ros2.switches import TopicSwitches
 from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
@@ -193,10 +192,7 @@ class Ros2:
         before = self._sent.get(info.id)
         if noise == before:
             return
-        if before is None:
-            for topic in self._switches.adopt(f"{own.ros2_namespace.rstrip('/')}/{name_of(name)}", info.id):
-                self.process.send(op="switch", topic=topic, enabled=False)
-        else:
+        if before is not None:
             self._event("warning", f"ROS 2: the covariances of {info.topic} are those of {name} from now on.")
         self._sent[info.id] = noise
         self.process.send(op="device", id=info.id, frame=known, noise=asdict(noise))

@@ -8,9 +8,7 @@ replaced atomically; unreadable parts count as absent, so that every topic is pu
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Collection
 from pathlib import Path
 
 from imuscope.recordings.system import atomic_write
@@ -52,16 +50,6 @@ class TopicSwitches:
             message = f"The switch cannot be stored: {error.strerror or error}."
             raise DomainError("disk", message, "Free some space, or check the rights of the data folder.") from None
         self._off = off
-
-    def adopt(self, node: str, device: str) -> Collection[str]:
-        """Take over the switches that a device had under the name of its node in earlier versions; returns them."""
-        old = {one for one in self._off if one.startswith(f"{node}/") or one.endswith(f" {node}")}
-        new = {f"{device} {one.removesuffix(f' {node}').removeprefix(f'{node}/')}" for one in old}
-        if old:
-            self._off = (self._off - old) | new
-            with contextlib.suppress(OSError):  # else at the next start
-                self._write(self._off)
-        return new
 
     def _write(self, off: frozenset[str]) -> None:
         atomic_write.write_atomic(self._path, json.dumps({"switched_off": sorted(off)}, indent=1))

@@ -16,7 +16,7 @@ import numpy as np
 
 from imuscope.protocols.native.kernels import FOUR, INT, LibraryFunction, TupleType, compiled, library_place
 from imuscope.server.extensions.shares.holder.messages import MessageKind
-from imuscope.server.links.read_kernel import SECOND_NS, clock_gettime, ppoll, read
+from imuscope.server.links.read_kernel import SECOND_NS, clock_gettime, read
 
 READ_BYTES = 1 << 12
 ROOM = 1 << 15  # bytes for the server, of which the last read must have room
@@ -24,38 +24,39 @@ HEAD_BYTES = 13  # messages.HEADER and messages.STAMP
 AGREED_NS = 8_000_000  # between two writes to the server, see server_connection.SERVER_NS
 _MONOTONIC = time.CLOCK_MONOTONIC
 _DATA = int(MessageKind.DATA)
-_POLLIN = 1
+_PORT_READABLE = 0x40  # EPOLLRDNORM: event_loop.RELAYED
+MS_NS = 1_000_000
 
+epoll_wait = LibraryFunction("epoll_wait", "int32", "int32", "int64", "int32", "int32")
 write = LibraryFunction("write", "int64", "int32", "int64", "uint64")
 memcpy = LibraryFunction("memcpy", "int64", "int64", "int64", "uint64")
 
 
 @compiled(TupleType((INT,) * 8), INT, INT, FOUR, INT, INT, INT, waits=True)
 def relay(
-    port: int, others: int, clients: tuple[int, int, int, int], server: int, spill: int, until_ns: int
+    port: int, epoll: int, clients: tuple[int, int, int, int], server: int, spill: int, until_ns: int
 ) -> tuple[int, int, int, int, int, int, int, int]:
     """Pass on what arrives, until another descriptor is ready, a client or the server takes less, or a time.
 
     Args:
         port: non-blocking descriptor of the device.
-        others: readable when anything else is to be done: an epoll.
+        epoll: watches the port for event_loop.RELAYED, and what else is to be waited for.
         clients: non-blocking descriptors; −1 for none.
         server: the same; −1 for none.
         spill: a pipe for the rest: the last read, if a client has not taken it all, then bytes for the server.
         until_ns: by the monotonic clock.
 
     Returns:
-        state: 0 the time is over, 1 `others` is ready, −1 the port failed, 2 bytes are left over;
+        state: 0 the time is over, 1 something else is ready, −1 the port failed, 2 bytes are left over;
         all bytes read; size of the last read; what each client has taken of that, −1 for a client that failed;
         bytes for the server that are left over.
     """
-    polled = np.empty(4, np.int32)
+    event = np.empty(4, np.int32)
     timespec = np.empty(2, np.int64)
     buffer = np.empty(READ_BYTES, np.uint8)
     collected = np.empty(ROOM, np.uint8)
     kind = np.empty(1, np.uint8)
     length = np.empty(1, np.int32)
-    polled[0], polled[1], polled[2], polled[3] = port, _POLLIN, others, _POLLIN
     kind[0] = _DATA
     into, start = collected.ctypes.data, buffer.ctypes.data
     clock_gettime(_MONOTONIC, timespec.ctypes.data)
@@ -66,9 +67,8 @@ def relay(
         wait_ns = min(until_ns, flush_ns) - now
         if wait_ns < 0:
             wait_ns = 0
-        timespec[0], timespec[1] = wait_ns // SECOND_NS, wait_ns % SECOND_NS
-        ready = ppoll(polled.ctypes.data, 2, timespec.ctypes.data, 0)
-        if ready > 0 and polled[3] >= 1 << 16:
+        ready = epoll_wait(epoll, event.ctypes.data, 1, (wait_ns + MS_NS - 1) // MS_NS)
+        if ready > 0 and event[0] & _PORT_READABLE == 0:
             state = 1
         elif ready > 0:
             got = read(port, start, READ_BYTES)

@@ -16,6 +16,7 @@ from imuscope.protocols.native.kernels import plain
 from imuscope.recordings.system import priority
 from imuscope.server.extensions.shares import relay_kernel
 from imuscope.server.extensions.shares.hold import findings
+from imuscope.server.extensions.shares.holder.event_loop import RELAYED
 from imuscope.server.extensions.shares.holder.messages import STAMP, MessageKind, MessageReader
 from imuscope.server.extensions.shares.holder.relay import LEFT_OVER, OTHERS, PORT_FAILED, TIME_IS_OVER, Relay
 from imuscope.server.extensions.shares.holder.settings import MODULE
@@ -36,6 +37,7 @@ class Ends:
                 one.setblocking(False)
         self.epoll = select.epoll()
         self.left_over, self.spill = os.pipe()
+        self.epoll.register(self.pairs[0][0], RELAYED)
         self.device, self.first, self.second, self.server = (pair[1] for pair in self.pairs)
 
     def run(self, function: Callable[..., Any], seconds: float = 0.0, *, has_server: bool = True) -> tuple[int, ...]:

@@ -838,7 +838,6 @@ export interface PortInfo {
   readonly busy: string;
   readonly denied: string;
   readonly attempts: readonly Attempt[];
-  readonly heard: readonly Attempt[];
 }
 
 /** A shared address, its state, and its connected clients. */

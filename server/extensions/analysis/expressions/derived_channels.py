@@ -10,7 +10,7 @@ others of their device, but never themselves: what a signal publishes reaches th
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -295,8 +295,8 @@ def channel_of(device: str, definition: SignalDefinition, value: Quantity) -> Ch
     )
 
 
-def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
+def signals_part(services: Services) -> ServicePart:
+    """The computed signals of a server."""
     definitions, telemetry = services.recorder.signals, services.telemetry
     assert definitions is not None  # that of a server has them
-    yield ServicePart("computed signals", DerivedChannels(telemetry.bus, telemetry.store, definitions))
+    return ServicePart("computed signals", DerivedChannels(telemetry.bus, telemetry.store, definitions))

@@ -20,6 +20,7 @@ from imuscope.recordings.system.resource_limits import memory_of_one
 from imuscope.server.concurrency.fair_queue import FairQueue, QueueFullError
 from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.expressions.derived_channels import DerivedChannels, signals_part
 from imuscope.server.extensions.analysis.jobs.jobs import AnalysisJob, Content
 from imuscope.server.extensions.analysis.jobs.limits import LESS, AnalysisLimits
 from imuscope.server.extensions.analysis.jobs.settings import AnalysisSettings
@@ -133,4 +134,6 @@ def parts(services: Services) -> Iterator[ServicePart]:
     settings = services.config.of(AnalysisSettings)
     limits = AnalysisLimits(settings.analysis_mb, settings.analysis_s)
     analyses = AnalysisService(limits, lambda: telemetry.clients.browsers > 0)
+    if services.parts.find(DerivedChannels) is None:  # none was stored at the start
+        yield signals_part(services)
     yield ServicePart("an analysis", analyses, analyses.close, viewed=analyses.viewed)

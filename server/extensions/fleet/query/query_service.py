@@ -22,7 +22,10 @@ from typing import Any
 
 from imuscope.server.concurrency.fair_queue import FairQueue, QueueFullError, Turn
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.fleet.model.settings import FleetTables
 from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
 from imuscope.server.system.workers import Worker
 
 EACH = 1  # questions of one user that run at once
@@ -175,3 +178,8 @@ async def _pieces(worker: Worker) -> AsyncIterator[bytes]:
         yield piece
     if await worker.wait() != 0:
         raise OSError("the answer is cut off")
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Objects that only requests use, for a server with these services."""
+    yield ServicePart("questions", QueryService(services.config.of(FleetTables).store))

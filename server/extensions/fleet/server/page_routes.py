@@ -35,7 +35,6 @@ from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import (
 )
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_robot import HEADERS
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_server import PageStream
-from imuscope.server.previous_names import path_of
 from imuscope.server.text.printable import printable
 
 router = lazy_router(include_in_schema=False)
@@ -89,7 +88,7 @@ async def request_to_robot(
     elif outgoing.method in METHODS:
         hint = "Open the page at the robot's own address."
         raise DomainError("too-large", f"A body through the fleet may have at most {MAX_BODY} bytes.", hint)
-    changes = services.access.routes.is_command(outgoing.method, path_of(outgoing.path))
+    changes = services.access.routes.is_command(outgoing.method, outgoing.path)
     log_text = f"{outgoing.who}: {outgoing.method} {printable(outgoing.path[:200])}"
     try:
         stream = server.pages.open(

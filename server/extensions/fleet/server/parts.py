@@ -1,4 +1,4 @@
-"""Long-lived objects of the fleet: a robot in its fleet, its uploads, questions, and the fleet server.
+"""Long-lived objects of the fleet: a robot in its fleet, its uploads, and the fleet server.
 
 Those of a robot and of a fleet server are imported where they are configured: most servers are neither.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.query.query_service import QueryService
 from imuscope.server.extensions.fleet.upload.uploads import UploadService
 from imuscope.server.services.parts import ServicePart
 from imuscope.server.services.services import Services
@@ -27,7 +26,6 @@ def parts(services: Services) -> Iterator[ServicePart]:
             uploads.start()
 
     yield ServicePart("an upload", uploads, uploads.close, start_uploads, metrics=uploads.add_metrics)
-    yield ServicePart("questions", QueryService(config.of(FleetTables).store))
     if config.of(FleetTables).fleet.router:
         yield _publisher(services)
     if services.brought:

@@ -46,7 +46,6 @@ from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import (
     decode_request,
     encode,
 )
-from imuscope.server.previous_names import path_of
 from imuscope.server.text.printable import printable
 
 if TYPE_CHECKING:
@@ -80,7 +79,7 @@ def check_allowed(request: OpenStream, pages: PagesAllowed, *, changes: bool) ->
     Raises:
         DomainError: with the reason and what to do.
     """
-    path = path_of(request.path)
+    path = request.path
     setting = "in the table [fleet] of the robot's configuration file"
     if pages == "off":
         hint = f'Set pages = "view" {setting}.'
@@ -192,7 +191,7 @@ class PageServer:
         place = server, request.stream
         if request.boot != self._boot or place in self._streams:
             return
-        changes = request.socket is None and self._rules.is_command(request.method, path_of(request.path))
+        changes = request.socket is None and self._rules.is_command(request.method, request.path)
         words = f"{printable(request.who) or 'an unnamed viewer'}: {request.method} {printable(request.path[:200])}"
         try:
             if self._app is None or len(self._streams) >= MAX_OPEN:

@@ -8,6 +8,11 @@ from collections.abc import Callable
 
 MOST_AT_ONCE = 16  # ready descriptors; epoll fills a buffer of 12 kB for the usual thousand, at each wake-up
 READ, WRITE, GONE = select.EPOLLIN, select.EPOLLOUT, select.EPOLLHUP | select.EPOLLERR
+RELAYED, ONCE = select.EPOLLRDNORM, select.EPOLLET
+"""A port that machine code reads: a bit of its own, and each arrival is reported once. Another look at a terminal would
+wait for the kernel's thread that brought the last bytes, which a holder of higher priority has interrupted: two more
+sleeps for each frame.
+"""
 
 Handler = Callable[[int], None]
 """Called with what a descriptor is ready for."""

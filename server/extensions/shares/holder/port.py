@@ -42,6 +42,7 @@ class Port:
 
     def __init__(self, source: Mapping[str, Any]) -> None:
         self._source = source
+        self.is_serial: bool = source["kind"] == "serial"
         self.baud: int | None = source.get("baud")
         self.fd = -1
         self._handle: Any = None  # serial.Serial or socket.socket
@@ -76,7 +77,7 @@ class Port:
         if is_another(self._source.get("place", ""), self._terminal):
             raise PortError("its terminal was closed", errno.ENOENT)
         try:
-            if self._source["kind"] == "serial":
+            if self.is_serial:
                 self._handle = self._open_serial()
                 self.fd = self._handle.fd
                 self._terminal = pseudo_terminal(self._source["place"])
@@ -116,14 +117,14 @@ class Port:
     @property
     def capacity(self) -> float:
         """Bytes/s that the line carries."""
-        if self._source["kind"] != "serial":
+        if not self.is_serial:
             return NETWORK_CAPACITY
         bits = 1 + int(self._source.get("bits", 8)) + (self._source.get("parity", "N") != "N")
         return float((self.baud or 115_200) / (bits + float(self._source.get("stop", 1))))
 
     def has_sent_all(self) -> bool:
         """Whether nothing waits to be sent, here or in the driver."""
-        if self.backlog or self._source["kind"] != "serial" or self.fd < 0:
+        if self.backlog or not self.is_serial or self.fd < 0:
             return not self.backlog
         try:
             return not struct.unpack("i", fcntl.ioctl(self.fd, termios.TIOCOUTQ, bytes(4)))[0]
@@ -133,7 +134,7 @@ class Port:
     def close(self) -> None:
         """Close it, at once, whatever the device does not take. Idempotent."""
         handle, self._handle, fd, self.fd = self._handle, None, self.fd, -1
-        if self._source["kind"] == "serial" and fd >= 0:
+        if self.is_serial and fd >= 0:
             with contextlib.suppress(OSError, termios.error):
                 termios.tcflush(fd, termios.TCOFLUSH)  # the driver would wait for up to 30 s
         self._waiting.clear()
@@ -158,7 +159,7 @@ class Port:
             self._empty_reads = 0
             return data
         self._empty_reads += 1
-        if self._source["kind"] == "tcp" or self._empty_reads >= EMPTY_READS:
+        if not self.is_serial or self._empty_reads >= EMPTY_READS:
             raise PortError("the other side closed it", errno.ENODEV)
         return b""
 
@@ -191,7 +192,7 @@ class Port:
         Raises:
             PortError: the port has no rate, or does not support this one; the former one stays.
         """
-        if self._source["kind"] != "serial":
+        if not self.is_serial:
             raise PortError("it has no baud rate that can be set from here", errno.ENOTTY)
         before = self.baud
         try:

@@ -22,7 +22,7 @@ from imuscope.server.concurrency.backoff import LOCAL_S, Backoff
 from imuscope.server.extensions.shares.holder.arbiter import SERVER, Arbiter
 from imuscope.server.extensions.shares.holder.client_frames import FrameRules
 from imuscope.server.extensions.shares.holder.clients import Client
-from imuscope.server.extensions.shares.holder.event_loop import READ, WRITE, EventLoop
+from imuscope.server.extensions.shares.holder.event_loop import ONCE, READ, RELAYED, WRITE, EventLoop
 from imuscope.server.extensions.shares.holder.messages import MessageKind
 from imuscope.server.extensions.shares.holder.port import Port, PortError
 from imuscope.server.extensions.shares.holder.relay import OTHERS, PORT_FAILED, Relay
@@ -69,7 +69,7 @@ class Holder:
         self._last_company = time.monotonic()
         self._ended = False
         self._relay: Relay | None = None
-        self._relays = False  # the port is read by machine code, and not watched
+        self._relays = False  # the port is read by machine code
         if settings.kernel:
             with contextlib.suppress(ImportError, AttributeError):  # it was replaced by an update
                 self._relay = Relay(*settings.kernel)
@@ -126,10 +126,11 @@ class Holder:
             return False
         clients = list(self.sharing.clients.values())
         serves = relay.serves(port, clients, server)
-        if serves != self._relays:
-            self._expect_port(0 if serves else READ | (WRITE if port.backlog else 0))
         if not serves:
+            if self._relays:
+                self._expect_port(READ | (WRITE if port.backlog else 0))
             return False
+        self._expect_port(RELAYED | (ONCE if port.is_serial else 0))  # each time: reports bytes that are there already
         state, last, counts = relay.run(port, self._loop.fd, clients, server, until)
         if last:
             self.sharing.put_rest(clients, last, counts)
@@ -138,6 +139,7 @@ class Holder:
         if state == PORT_FAILED:
             self._on_port(READ)
         elif state == OTHERS:
+            self._expect_port(READ)  # also its end may have been reported, and only once
             self._loop.run_once(0)
         return True
 
@@ -237,7 +239,7 @@ class Holder:
             self._expect_port(READ | WRITE)
 
     def _expect_port(self, events: int) -> None:
-        self._relays = not events
+        self._relays = bool(events & RELAYED)
         self._loop.expect(self.port.fd, events)
 
     def _on_client_sent(self, client: Client, data: bytes) -> None:

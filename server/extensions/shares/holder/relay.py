@@ -52,7 +52,7 @@ class Relay:
         )
 
     def run(
-        self, port: Port, others: int, clients: Sequence[Client], server: ServerConnection | None, until: float
+        self, port: Port, epoll: int, clients: Sequence[Client], server: ServerConnection | None, until: float
     ) -> tuple[int, bytes, Sequence[int]]:
         """Pass on bytes of the device until a time, monotonic, s.
 
@@ -62,7 +62,7 @@ class Relay:
         descriptors = [*(one.fd for one in clients), *(-1,) * (MOST_CLIENTS - len(clients))]
         state, total, size, *rest = self._function(
             port.fd,
-            others,
+            epoll,
             tuple(descriptors),
             -1 if server is None else server.fd,
             self._spill,

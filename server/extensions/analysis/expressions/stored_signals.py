@@ -1,0 +1,17 @@
+"""Computed signals of a server that starts: those stored. Without any, the first request makes their service."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from imuscope.server.library.signal_definitions import FILE
+from imuscope.server.services.parts import ServicePart
+from imuscope.server.services.services import Services
+
+
+def parts(services: Services) -> Iterator[ServicePart]:
+    """Long-lived objects, for a server with these services."""
+    if (services.config.data / FILE).exists():
+        from imuscope.server.extensions.analysis.expressions.derived_channels import signals_part
+
+        yield signals_part(services)
