@@ -3,24 +3,28 @@
     feed ── write, stamp ──> pty ──> holder ──> pty ──> driver, which reads without a pause
                                        └──────> a server's connection, which reads too
 
-    python tests/bench/shared_port.py [--rate 2000] [--seconds 10] [--save]
+    python tests/bench/shared_port.py [--rate 2000] [--seconds 10] [--busy 5] [--save]
 
 The yardsticks, in the same run on the same machine: socat between the same two terminals, and no program at all (the
-driver reads the device's own terminal), i.e. what the kernel and this machine's scheduling alone cost.
+driver reads the device's own terminal), i.e. what the kernel and this machine's scheduling alone cost. All three run
+beside as many busy loops as `--busy` says.
 
-Budget: p99 at most 1 ms added at 2 kHz; the holder at most 1.5 times the processor time of socat.
+Budget: p99 at most 1 ms added at 2 kHz; the holder at most 1.5 times the processor time of socat. Beside five busy
+loops p99 is at most 1.5 times that without any program.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import multiprocessing
 import os
 import select
 import shutil
 import socket
 import struct
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -29,7 +33,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from imuscope.server.extensions.shares.holder.settings import HolderSettings
+from imuscope.recordings.priority import raise_priority
+from imuscope.server.extensions.shares.holder.settings import MODULE, HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from imuscope.server.extensions.shares.relay_kernel import place
 from tests.bench.report import options_of, report
@@ -49,31 +54,33 @@ class Terminal:
         self.path = os.ttyname(self._slave)
 
 
-def measured(device: Terminal, driver: int, rate: float, seconds: float) -> list[float]:
-    """Milliseconds from the write of a frame until the driver has read it, sorted."""
-    delays: list[float] = []
-    ended = threading.Event()
-
-    def read() -> None:
-        data = b""
-        while not ended.is_set():
-            if select.select((driver,), (), (), 0.1)[0]:
-                data += os.read(driver, 4096)
-                now = time.monotonic_ns()
-                while len(data) >= SIZE:
-                    delays.append((now - STAMP.unpack_from(data)[0]) / 1e6)
-                    data = data[SIZE:]
-
-    reader = threading.Thread(target=read)
-    reader.start()
+def feed(master: int, rate: float, count: int, *, busy: bool) -> None:
+    """Write frames with the time of the write; beside busy loops, which delay no device, with a higher priority."""
+    if busy:
+        raise_priority()
     due = time.monotonic()
-    for _ in range(round(rate * seconds)):
+    for _ in range(count):
         due += 1 / rate
         time.sleep(max(0.0, due - time.monotonic()))
-        os.write(device.master, STAMP.pack(time.monotonic_ns()) + bytes(SIZE - STAMP.size))
-    time.sleep(0.2)
-    ended.set()
-    reader.join()
+        os.write(master, STAMP.pack(time.monotonic_ns()) + bytes(SIZE - STAMP.size))
+
+
+def measured(device: Terminal, driver: int, options: argparse.Namespace) -> list[float]:
+    """Milliseconds from the write of a frame until the driver has read it, sorted."""
+    delays: list[float] = []
+    count = round(options.rate * options.seconds)
+    feeding = multiprocessing.get_context("fork").Process(
+        target=feed, args=(device.master, options.rate, count), kwargs={"busy": options.busy > 0}
+    )
+    feeding.start()
+    data = b""
+    while select.select((driver,), (), (), 0.2)[0] or feeding.is_alive():
+        data += os.read(driver, 4096)
+        now = time.monotonic_ns()
+        while len(data) >= SIZE:
+            delays.append((now - STAMP.unpack_from(data)[0]) / 1e6)
+            data = data[SIZE:]
+    feeding.join()
     return sorted(delays)
 
 
@@ -83,7 +90,9 @@ def held(terminal: str, folder: Path) -> Iterator[tuple[int, int]]:
     path = folder / "imu0"
     port = {"kind": "serial", "place": terminal, "baud": 2_000_000}
     settings = HolderSettings(port, str(folder / "holder.sock"), (ShareAddress.parse(str(path)),), True, place() or ())
-    process = subprocess.Popen(settings.command, cwd=ROOT)
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    subprocess.run([sys.executable, "-c", f"import {MODULE}.process"], cwd=ROOT, env=environment, check=True)
+    process = subprocess.Popen(settings.command, cwd=ROOT, env=environment)  # with byte code, as it is installed
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server, driven(process, path) as found:
         server.connect(settings.socket)
         threading.Thread(target=lambda: [None for _ in iter(lambda: server.recv(65_536), b"")], daemon=True).start()
@@ -111,10 +120,22 @@ def driven(process: subprocess.Popen[bytes], path: Path) -> Iterator[tuple[int, 
     process.wait()
 
 
+@contextlib.contextmanager
+def beside(count: int) -> Iterator[None]:
+    """So many busy loops, until the end of the block."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for one in loops:
+            one.kill()
+            one.wait()
+
+
 def figures(device: Terminal, pid: int, driver: int, options: argparse.Namespace) -> dict[str, float]:
     """The figures of one relay between the device and the driver."""
     before, began = seconds_of(pid), time.monotonic()
-    delays = measured(device, driver, options.rate, options.seconds)
+    delays = measured(device, driver, options)
     share = (seconds_of(pid) - before) / (time.monotonic() - began)
     return {
         "lost": round(options.rate * options.seconds) - len(delays),
@@ -130,17 +151,19 @@ def main() -> None:
     parser = options_of(__doc__.partition("\n")[0])
     parser.add_argument("--rate", type=float, default=2000.0)
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--busy", type=int, default=0, help="busy loops beside it")
     options = parser.parse_args()
-    found: dict[str, Any] = {"rate": options.rate}
-    with tempfile.TemporaryDirectory() as folder:
+    found: dict[str, Any] = {"rate": options.rate, "busy": options.busy}
+    with tempfile.TemporaryDirectory() as folder, beside(options.busy):
         device = Terminal()
         with held(device.path, Path(folder)) as (pid, driver):
             found |= figures(device, pid, driver, options)
         if shutil.which("socat"):
             with relayed(device.path, Path(folder)) as (pid, driver):
                 found |= {f"socat_{name}": value for name, value in figures(device, pid, driver, options).items()}
-        direct = measured(device, os.open(device.path, os.O_RDWR | os.O_NOCTTY), options.rate, options.seconds)
+        direct = measured(device, os.open(device.path, os.O_RDWR | os.O_NOCTTY), options)
         found["direct_p99_ms"] = direct[int(0.99 * len(direct))]
+    found["p99_ratio"] = found["p99_ms"] / found["direct_p99_ms"]
     found["added_p99_ms"] = found["p99_ms"] - found["direct_p99_ms"]
     report("shared-port", found)
 
