@@ -33,7 +33,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from imuscope.recordings.priority import raise_priority
+from imuscope.recordings.system.priority import raise_priority
 from imuscope.server.extensions.shares.holder.settings import MODULE, HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from imuscope.server.extensions.shares.relay_kernel import place
