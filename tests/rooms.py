@@ -35,6 +35,7 @@ ARROWS: Mapping[str, str] = {
         registry <- messages
     """,
     "recordings": """
+        capture_timing
         errors
         file_names
         optional_packages
@@ -46,7 +47,7 @@ ARROWS: Mapping[str, str] = {
         tables <- errors sources system
         readers <- file_names mcap tables
         sidecar <- tables
-        importers <- optional_packages readers sidecar
+        importers <- capture_timing optional_packages readers sidecar
         exporters <- columns importers
         library <- columns replay importers
     """,

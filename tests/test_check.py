@@ -122,7 +122,7 @@ def test_the_nearest_tests_are_taken_first(tmp_path: Path, monkeypatch: pytest.M
 def test_imports_are_read_without_parsing(tmp_path: Path) -> None:
     path = tmp_path / "module.py"
     path.write_text(
-        "import os, imuscope.server.app.build as app\nfrom tests import (\n    a,\n    b as c,\n)\n"
+        "import os, imuscope.server.app as app\nfrom tests import (\n    a,\n    b as c,\n)\n"
         "def f():\n    from x.y import z\n"
     )
     assert affected.imports_of(path) == {"os", "server.app", "tests", "tests.a", "tests.b", "x.y", "x.y.z"}

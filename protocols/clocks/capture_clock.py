@@ -1,7 +1,7 @@
 """Time of a capture: exactly the device's clock, plus an offset.
 
     device   ──┬── stretch 1: + offset 1 ──┬── stretch 2: + offset 2 ──      a stretch ends where the clock stepped
-    arrival  ──┴── derived from the same clock by recordings/importers/capture_timing.py ──
+    arrival  ──┴── derived from the same clock by recordings/capture_timing.py ──
 
 In a capture without arrival times, arrivals carry no information: they were derived from the device's own clock. So a
 time is the device's plus one offset, found at the first rows and kept: spacing, rate and length are those of the

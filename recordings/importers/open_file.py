@@ -26,8 +26,8 @@ import numpy as np
 from imuscope.protocols.family.info import Damage, LogFormat, ProtocolInfo
 from imuscope.protocols.registry.families import PROTOCOLS, detect, permissive_decoder
 from imuscope.recordings import sidecar
+from imuscope.recordings.capture_timing import CaptureTiming
 from imuscope.recordings.errors import READABLE, RecordingError
-from imuscope.recordings.importers.capture_timing import CaptureTiming
 from imuscope.recordings.importers.damaged_capture import (
     checked,
     damaged_frames,

@@ -1,4 +1,4 @@
-"""Direct writer: from the memory of live links into a recording, in machine code (record_kernel.py).
+"""Direct writer: from the memory of live links into a recording, in machine code (write_kernel.py).
 
 It runs in the thread of a recording's writer, and ends at least once a second, or when something else is to be written.
 """

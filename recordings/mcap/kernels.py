@@ -1,4 +1,4 @@
-"""Loops over the records of an MCAP file (mcap_reader.py).
+"""Loops over the records of an MCAP file (reader.py).
 
 Source: MCAP specification, "Records".
 """

@@ -16,7 +16,7 @@ from imuscope.protocols.native.kernels import INT, INTS, TABLE, ArrayType, Libra
 
 BUFFER, ENDS, ARRIVALS, STATE, OFFSET, CHANNEL, TAKE_COUNT, MESSAGES, FIRST, LAST = range(10)  # rows of `links`
 WRITTEN, SIZE, PART = 0, 1, 2  # positions in `counters`
-HEAD_BYTES = 31  # MESSAGE_HEAD of mcap_records.py, which imports mcap: the build of this loop has NumPy alone
+HEAD_BYTES = 31  # MESSAGE_HEAD of records.py, which imports mcap: the build of this loop has NumPy alone
 _SECOND_NS = 1_000_000_000
 _MONOTONIC = time.CLOCK_MONOTONIC
 _OUT = ArrayType("uint8", 1)

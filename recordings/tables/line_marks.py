@@ -4,7 +4,7 @@
 [2026-01-02 10:15:00.000] 1,2   those of other terminals, and of Python's logging (… 10:15:00,000 INFO name: 1,2)
 33,Jogging,491059,-0.6,0.5;     a mark at the end of each row, as in WISDM: it is left out
 0.01<tab>0.5,0.4,-0.6,0.2       numbers of a quaternion in one cell, as in OpenSim: a cell of its own for each
-ax: 0.1, ay: 0.2                names beside the numbers (table_labels.py)
+ax: 0.1, ay: 0.2                names beside the numbers (labels.py)
 """
 
 from __future__ import annotations

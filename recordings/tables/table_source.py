@@ -3,10 +3,10 @@
     CSV     time (s),Acceleration.x (m/s²),Acceleration.y (m/s²),Temperature [°C]
             1760000000.00,0.1,0.2,24.5
 
-    table_format.py      where the table begins, separator, decimal sign
-    table_headings.py    names, units, vectors
-    clock_search.py      the column of times and its unit (clock_dates, clock_weeks, clock_numbers); the others stay
-    clock_steps.py       a first pass over the times: steps, repeats, wraps
+    format.py           where the table begins, separator, decimal sign
+    headings.py         names, units, vectors
+    clocks/search.py    the column of times and its unit (dates, weeks, numbers); the others stay
+    clocks/steps.py     a first pass over the times: steps, repeats, wraps
 
 Times that are not since 1970 are counted from the date in the file's name, else from when it was last written. A column
 `arrival` beside them is taken as the arrival time. A cell that is not a number is empty, and reported.

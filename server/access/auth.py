@@ -13,7 +13,7 @@ Three dangers, three checks, all before a route is reached:
 A view token can read, a control token can also change things. Some requests are POST only because they carry values
 (the preview of a setting, an analysis): they change nothing, and a view token may send them
 (server/access/route_rules.py). At a fleet server, the same holds for requests to a robot below /robots/NAME; the robot
-compares them with its own rules again (extensions/fleet/http_tunnel_robot.py).
+compares them with its own rules again (extensions/fleet/tunnel/http_tunnel_robot.py).
 
 Wrong tokens are rate-limited: server/access/login_throttle.py explains how, and why a valid token is not locked out.
 

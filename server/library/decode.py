@@ -31,9 +31,9 @@ from imuscope.protocols.events import Doubts, Remarks
 from imuscope.protocols.messages.decoder import MessageDecoder
 from imuscope.protocols.registry.families import remedies
 from imuscope.recordings import sidecar
+from imuscope.recordings.capture_timing import BLIND_RATE
 from imuscope.recordings.columns.health_history import HealthHistoryWriter
 from imuscope.recordings.columns.store import ColumnStore, ColumnStoreWriter
-from imuscope.recordings.importers.capture_timing import BLIND_RATE
 from imuscope.recordings.importers.open_file import CaptureSource
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.mcap.writer import EVENTS, NOTES, SIGNALS, SNAPSHOT, is_simulated

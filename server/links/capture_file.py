@@ -1,6 +1,6 @@
 """Playback of a capture (raw bytes of any known protocol) as if the device were connected.
 
-The timing comes from the device's own clock, see recordings/importers/capture_timing.py. `speed=4` plays four times as
+The timing comes from the device's own clock, see recordings/capture_timing.py. `speed=4` plays four times as
 fast; `loop=1` starts again at the end, and marks the first bytes of each pass (`Chunk.restart`), so that the restart of
 clocks and counters is not reported as a clock jump or a loss.
 """
@@ -19,7 +19,7 @@ from imuscope.protocols.events import Decoder
 from imuscope.protocols.registry import families as registry
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.registry.mixed_protocols import MixedProtocolDetector
-from imuscope.recordings.importers.capture_timing import (
+from imuscope.recordings.capture_timing import (
     BLIND_RATE,
     BLOCK_BYTES,
     LONGEST_PAUSE_NS,

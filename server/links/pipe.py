@@ -4,7 +4,7 @@
     more data waiting          a capture arrives faster than recorded: it is played by the device's own clock
 
 So a live stream is never delayed, and a capture is played as if its device were connected (see
-recordings/importers/capture_timing.py). A recording cannot be read from a pipe: its index is at its end, and each of
+recordings/capture_timing.py). A recording cannot be read from a pipe: its index is at its end, and each of
 its devices is a separate source.
 """
 
@@ -21,7 +21,7 @@ from typing import BinaryIO, cast
 
 from imuscope.protocols.events import Decoder
 from imuscope.protocols.registry import families as registry
-from imuscope.recordings.importers.capture_timing import LONGEST_PAUSE_NS, CaptureTiming
+from imuscope.recordings.capture_timing import LONGEST_PAUSE_NS, CaptureTiming
 from imuscope.recordings.mcap.records import MAGIC
 from imuscope.server.links.base import Chunk, LinkError, Progress
 from imuscope.server.links.capture_file import FULL_BYTES, FileLink

@@ -13,7 +13,7 @@ import pytest
 from imuscope.protocols.events import batches
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.recordings.importers.capture_timing import (
+from imuscope.recordings.capture_timing import (
     BLIND_RATE,
     BLOCK_BYTES,
     LONGEST_PAUSE_NS,

@@ -27,7 +27,7 @@ def version_in(name: str, constant: str) -> str:
 
 
 SAID = {
-    "recording (`.mcap`)": version_in("mcap_writer.py", "FORMAT"),
+    "recording (`.mcap`)": version_in("mcap/writer.py", "FORMAT"),
     "edits beside a recording": version_in("sidecar.py", "VERSION"),
     "snapshot of settings": version_in("configuration/snapshots.py", "FORMAT"),
     "record of a pending rollback": version_in("configuration/rollback.py", "FORMAT"),
@@ -36,7 +36,7 @@ SAID = {
     "evidence file": version_in("evidence/content.py", "FORMAT"),
     "WebSocket": wire.SUBPROTOCOL,
     "HTTP API": RELEASE,
-    "reports of robots to a fleet": version_in("fleet/reports.py", "VERSION"),
+    "reports of robots to a fleet": version_in("fleet/model/reports.py", "VERSION"),
     "holder of a shared port": version_in("holder/messages.py", "VERSION"),
     "plug-in API (`imuscope.plugin`)": version_in("protocols/family/plugins.py", "API_VERSION"),
     "panels of extension packages": next(
@@ -64,7 +64,7 @@ def test_the_http_api_says_the_release_and_the_wire() -> None:
 
 
 def test_keys_of_a_fleet_have_the_version_of_its_reports() -> None:
-    assert version_in("fleet/keys.py", "ROOT").removeprefix("imuscope/") == SAID["reports of robots to a fleet"]
+    assert version_in("fleet/model/keys.py", "ROOT").removeprefix("imuscope/") == SAID["reports of robots to a fleet"]
 
 
 def test_the_changelog_has_the_release_with_its_date() -> None:

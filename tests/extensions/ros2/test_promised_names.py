@@ -15,7 +15,6 @@ from imuscope.server.devices.device.device_names import DeviceNames
 from imuscope.server.extensions.ros2 import service as ros2_service
 from imuscope.server.extensions.ros2.service import Ros2
 from imuscope.server.extensions.ros2.settings import Ros2Settings
-from imuscope.server.extensions.ros2.switches import TopicSwitches
 from imuscope.server.settings.config import ConfigError, load
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.each_row import each_row
@@ -129,17 +128,6 @@ async def test_frames_and_covariances_are_set_by_source_or_by_topic(
     assert by_source.announced == [("a", 0.0)]
     assert by_source.sent[0]["noise"]["sample"] == {"tilt": 0.3}
     assert Publisher(tmp_path, monkeypatch, ros2_frames={"imu": "b"}).announced == [("b", 0.0)]
-
-
-async def test_what_an_earlier_version_switched_off_stays_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    switches = TopicSwitches(tmp_path)
-    for key in ("/mti_630/imu/mag", "/diagnostics /mti_630", "/mti_6301/imu/mag"):
-        switches.set(key, enabled=False)
-    publisher = Publisher(tmp_path, monkeypatch)
-    publisher.show(name="MTi-630", product="MTi-630")
-    off = {one["topic"] for one in publisher.sent if one["op"] == "switch"}
-    assert off == {"1 imu/mag", "1 /diagnostics"}
-    assert TopicSwitches(tmp_path).off == off | {"/mti_6301/imu/mag"}
 
 
 @each_row(

@@ -3,7 +3,7 @@
 An angle that wraps has a circular mean and σ (recordings/columns/statistics.py). It is unwrapped for slope, peak to
 peak and the ends `min` and `max` of the arc that it covers (none if it goes all the way round), and has no rms and no
 integral. `slope` is that of the least-squares line, `integral` by the trapezoidal rule over the sample times, so both
-hold for unevenly spaced samples. Where the clock steps (clock_steps.py) neither goes across.
+hold for unevenly spaced samples. Where the clock steps (recordings/tables/clocks/steps.py) neither goes across.
 """
 
 from __future__ import annotations
