@@ -3,7 +3,8 @@
  * gets it as a property, so that a document can hold several pages that know nothing of each other.
  */
 import { computed, effect, type Signal, signal } from "@preact/signals";
-import type { ExtensionOverlay } from "../extension";
+import type { FunctionComponent } from "preact";
+import { allExtensions, type ExtensionOverlay } from "../extension";
 import type { Begin } from "../forms/add-device";
 import type { Deps, PacketAt } from "../panels/panel-context";
 import type { Sort } from "../panels/event-groups";
@@ -14,6 +15,29 @@ import type { DeviceInfo } from "../wire/types";
 import { route } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
+
+export interface DeviceActionProps {
+  readonly app: App;
+  readonly device: DeviceInfo;
+}
+
+export interface LiveDialogProps extends DeviceActionProps {
+  readonly onClose: () => void;
+}
+
+/** A dialog over Live, over a recording or both, opened by `app.overlay.value = "NAME/…"`. */
+export interface ExtensionDialog {
+  readonly overlay: ExtensionOverlay;
+  readonly Live?: FunctionComponent<LiveDialogProps>;
+}
+
+declare module "../extension" {
+  interface Extension {
+    readonly dialogs?: readonly ExtensionDialog[];
+    /** Called once for each page of a document. */
+    readonly start?: (app: App) => void;
+  }
+}
 
 export type Overlay = "help" | "add" | "memory" | "packet" | ExtensionOverlay | undefined;
 /** A panel over the plots while the window is narrow. */
@@ -171,6 +195,10 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     ports: signal([]),
     scanning: signal(false),
   };
+}
+
+export function startExtensions(app: App): void {
+  for (const { start } of allExtensions()) start?.(app);
 }
 
 export function select(app: App, id: string): void {

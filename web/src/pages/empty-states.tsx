@@ -16,6 +16,13 @@ import { SavedBand } from "./record-button";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
+declare module "../extension" {
+  interface Slots {
+    /** Bands over every page. */
+    readonly bands: { readonly app: App };
+  }
+}
+
 interface Props {
   readonly app: App;
 }

@@ -16,6 +16,13 @@ import { showSaved } from "./record-button";
 import { exportingOf } from "./recordings/exporting";
 import { TEXT } from "../texts/live";
 
+declare module "../extension" {
+  interface Slots {
+    /** What can be made of the bytes in memory besides a recording. */
+    readonly memoryActions: { readonly app: App; readonly disabled: boolean };
+  }
+}
+
 /** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */
 const MARGIN_S = 1;
 const LAST_S = 60;

@@ -24,6 +24,25 @@ import { SimulatedTag } from "../ui/simulated-tag";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
+/** Classes of buttons: what they do to a bar that is full (ui/layout.css, ui/phone.css). */
+export const BAR_CLASS = {
+  /** Takes the place of the name of the page on a phone. */
+  overPlots: "over-plots",
+  /** The first to be left out. */
+  spareFirst: "spare-first",
+  /** Left out while something is recorded, and on a phone. */
+  spare: "desk spare",
+} as const;
+
+declare module "../extension" {
+  interface Slots {
+    /** Buttons over plots: those of Live, or of an open recording. */
+    readonly barViews: { readonly app: App; readonly isLive: boolean };
+    /** Buttons over the plots of Live, before "Share". */
+    readonly barShare: { readonly app: App };
+  }
+}
+
 const PANELS: Readonly<Record<PageName, { readonly rail: string; readonly side: string }>> = {
   live: { rail: COMMON.devices, side: TEXT.valuesAndHealth },
   configure: { rail: COMMON.settings, side: COMMON.trafficLog },

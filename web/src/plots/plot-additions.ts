@@ -6,6 +6,15 @@ import type { Palette } from "./canvas-style";
 import type { PlotSpec, Series } from "./plot-selection";
 import type { TimeWindow } from "./time-window";
 
+declare module "../extension" {
+  interface Extension {
+    /** What is drawn over the plots. */
+    readonly plotMarks?: readonly PlotMarks[];
+    /** What the menu of a series in the legend of a plot opens: that of the first that has one. */
+    readonly seriesActions?: readonly SeriesAction[];
+  }
+}
+
 /** A plot as marks need it, CSS px from the top of the stack. */
 export interface MarkedPlot {
   readonly spec: PlotSpec;

@@ -31,6 +31,22 @@ import { SignalRow } from "./row";
 import { parentOf, type TreeRow, treeRows } from "./tree-rows";
 import "./signals.css";
 
+interface SignalsProps {
+  readonly deps: Deps;
+  readonly isLive: boolean;
+  /** Takes the last action, in words. */
+  readonly onSaid: (words: string) => void;
+}
+
+declare module "../extension" {
+  interface Slots {
+    /** Actions of the row that is chosen. */
+    readonly signalActions: SignalsProps & { readonly row: TreeRow };
+    /** Actions over the tree of signals. */
+    readonly signalsHead: SignalsProps;
+  }
+}
+
 interface Props {
   readonly deps: Deps;
   /** Counts half seconds: values follow it. */

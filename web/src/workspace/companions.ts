@@ -10,6 +10,19 @@ import type { DeviceInfo } from "../wire/types";
 import type { Json } from "./parts";
 import type { WorkspaceSession } from "./session";
 
+declare module "../extension" {
+  interface Slots {
+    /** Over the lists of panels, while they are arranged. */
+    readonly workspaceSheet: Pick<CompanionProps, "session" | "deps">;
+    /** Under the stored workspaces: what the last one brought besides the view. */
+    readonly workspaceCompanions: CompanionProps;
+  }
+  interface Extension {
+    /** What travels with a workspace. */
+    readonly companions?: readonly Companion[];
+  }
+}
+
 export interface Companion {
   /** Unique; its name in files, so it never changes. */
   readonly key: string;

@@ -1,12 +1,9 @@
 /** Analysis of signals: spectrum, spectrogram, Allan deviation; and comparing two devices or recordings. */
-import {
-  BAR_CLASS,
-  type ExtensionPress,
-  type LiveDialogProps,
-  type RecordingDialogProps,
-  registerExtension,
-  type Slots,
-} from "../../extension";
+import { registerExtension, type Slots } from "../../extension";
+import { BAR_CLASS } from "../../pages/top-bar";
+import type { ExtensionPress } from "../../ui/keys";
+import type { LiveDialogProps } from "../../pages/app-state";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import type { App } from "../../pages/app-state";
 import { recordingTitle } from "../../recordings/library-filter";
 import { Button } from "../../ui/button";

@@ -1,5 +1,6 @@
 /** Evidence: what is on screen as one file that opens without a network. */
-import { BAR_CLASS, registerExtension, type Slots } from "../../extension";
+import { registerExtension, type Slots } from "../../extension";
+import { BAR_CLASS } from "../../pages/top-bar";
 import type { App } from "../../pages/app-state";
 import { Button } from "../../ui/button";
 import { IconButton } from "../../ui/icon-button";

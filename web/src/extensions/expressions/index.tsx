@@ -1,5 +1,6 @@
 /** Signals that are computed from others by an expression: made, edited and removed in the tree of signals. */
-import { type LiveDialogProps, registerExtension, type Slots } from "../../extension";
+import { registerExtension, type Slots } from "../../extension";
+import type { LiveDialogProps } from "../../pages/app-state";
 import type { Deps } from "../../panels/panel-context";
 import { added } from "../../signals/custom-plots";
 import { isComputed } from "../../signals/names";

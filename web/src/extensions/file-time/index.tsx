@@ -3,7 +3,8 @@
  * of loss or jitter; and the dialog of tables, which comes by itself where a table can be read in more than one way.
  */
 import { effect } from "@preact/signals";
-import { type DeviceActionProps, registerExtension } from "../../extension";
+import { registerExtension } from "../../extension";
+import type { DeviceActionProps } from "../../pages/app-state";
 import type { App } from "../../pages/app-state";
 import { route } from "../../pages/route";
 import { Button } from "../../ui/button";

@@ -1,6 +1,8 @@
 /** The track, enlarged over a map: in a dialog, or as a panel that is hidden until a person shows it. */
 import { positionOf } from "./position";
-import { type LiveDialogProps, type RecordingDialogProps, registerExtension } from "../../extension";
+import { registerExtension } from "../../extension";
+import type { LiveDialogProps } from "../../pages/app-state";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { channelsOf, type Deps } from "../../panels/panel-context";
 import { COMMON } from "../../texts/common";
 import { Dialog } from "../../ui/dialog";

@@ -6,6 +6,13 @@ import type { App } from "../app-state";
 import { StopJob } from "./jobs";
 import type { Model } from "./model";
 
+declare module "../../extension" {
+  interface Slots {
+    /** On the right of Configure; without a model there is no device. */
+    readonly configureSide: { readonly app: App; readonly model: Model | undefined };
+  }
+}
+
 export function ConfigureSide({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
   return (
     <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={COMMON.trafficLog}>

@@ -33,6 +33,18 @@ import { SimulatedTag } from "../../ui/simulated-tag";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
+export interface RecordingProps {
+  readonly app: App;
+  readonly info: RecordingInfo;
+}
+
+declare module "../../extension" {
+  interface Slots {
+    /** In the row of a recording, before its facts. */
+    readonly recordingRow: RecordingProps;
+  }
+}
+
 export function LibraryPage({ app }: { readonly app: App }) {
   const library = libraryOf(app);
   useEffect(() => library.follow(), [library]);

@@ -39,6 +39,15 @@ import { Transport } from "./transport";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
+declare module "../../extension" {
+  interface Slots {
+    /** On a phone, the line over an open recording that opens other views of it. */
+    readonly recordingViews: { readonly recording: OpenRecording };
+    /** Over everything else of an open recording. */
+    readonly recordingOverlays: { readonly recording: OpenRecording };
+  }
+}
+
 export function ReplayPage({ recording }: { readonly recording: OpenRecording }) {
   const { replay, app } = recording;
   const { info } = replay.detail;

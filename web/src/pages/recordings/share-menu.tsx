@@ -13,6 +13,13 @@ import { exportingOf, type ExportRange } from "./exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
+declare module "../../extension" {
+  interface Slots {
+    /** Actions of an open recording, beside its name. */
+    readonly recordingActions: { readonly recording: OpenRecording };
+  }
+}
+
 /** How long the last action is shown, ms. */
 const SAID_MS = 2500;
 
