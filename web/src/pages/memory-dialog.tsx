@@ -11,7 +11,7 @@ import { clock } from "../ui/format";
 import type { HttpProblem } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
 import { usePolled } from "../ui/use-polled";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { showSaved } from "./record-button";
 import { exportingOf } from "./recordings/exporting";
 import { TEXT } from "../texts/live";

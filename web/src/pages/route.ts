@@ -11,7 +11,7 @@ import type { FunctionComponent } from "preact";
 import { signal } from "@preact/signals";
 import { fromExtensions } from "../extension";
 import type { IconName } from "../ui/icons";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 

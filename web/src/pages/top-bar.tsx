@@ -2,7 +2,8 @@
 import { useRef } from "preact/hooks";
 import { Slot } from "../extension";
 import type { ViewActions } from "../data/view-actions";
-import { type Deps, recently } from "../panels/panel-context";
+import { recently } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { Button } from "../ui/button";
 import { Select } from "../ui/choices";
 import { age, number, rate, span } from "../ui/format";
@@ -14,7 +15,7 @@ import { theme, toggleTheme } from "../ui/theme";
 import { useFit } from "../ui/use-fit";
 import { ViewerButton } from "../views/viewers";
 import { ArrangeButton } from "../workspace/arrange";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { Record } from "./record-button";
 import { href, isRemote, type PageName, pagesOf, route } from "./route";
 import { Share } from "./share";

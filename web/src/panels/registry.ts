@@ -7,7 +7,7 @@ import { signal } from "@preact/signals";
 import type { ComponentChildren, FunctionComponent } from "preact";
 import type { Panel } from "../ui/dom";
 import { protocolAmong } from "../wire/capabilities";
-import type { Deps } from "./panel-context";
+import type { Deps } from "../page/context";
 
 declare module "../extension" {
   interface Extension {

@@ -5,11 +5,13 @@
  */
 import { type Signal, untracked, useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import type { CustomPlot } from "../data/view-state";
+import type { CustomPlot } from "../data/view";
 import { Slot } from "../extension";
-import { type Deps, reading } from "../panels/panel-context";
+import { reading } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { protocolAmong } from "../wire/capabilities";
-import { type PlotSpec, usualPlots } from "../plots/plot-selection";
+import { usualPlots } from "../plots/plot-selection";
+import type { PlotSpec } from "../data/view";
 import { Button } from "../ui/button";
 import { IconButton } from "../ui/icon-button";
 import { SearchField } from "../ui/search-field";

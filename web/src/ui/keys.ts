@@ -6,7 +6,7 @@
  * the browser and is left alone.
  */
 import { fromExtensions } from "../extension";
-import type { App } from "../pages/app-state";
+import type { App } from "../page/context";
 import { COMMON } from "../texts/common";
 
 export interface ExtensionPress {

@@ -5,9 +5,9 @@
  *     {"format": "imuscope-workspace", "version": 1, "parts": {…}, "KEY": …}
  */
 import type { Signal } from "@preact/signals";
-import type { Deps } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import type { DeviceInfo } from "../wire/types";
-import type { Json } from "./parts";
+import type { Json } from "../data/json";
 import type { WorkspaceSession } from "./session";
 
 declare module "../extension" {

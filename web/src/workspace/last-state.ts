@@ -4,7 +4,7 @@
  */
 import { effect } from "@preact/signals";
 import { fromExtensions } from "../extension";
-import type { App } from "../pages/app-state";
+import type { App } from "../page/context";
 import { withoutMoment, workspaceOf } from "./parts";
 import { sessionOf, type WorkspaceSession } from "./session";
 

@@ -1,6 +1,6 @@
 /** Alarms: conditions that the server watches, with their list, their form, and their marks on plots and devices. */
 import { registerExtension, type Slots } from "../../extension";
-import type { DeviceActionProps, LiveDialogProps } from "../../pages/app-state";
+import type { DeviceActionProps, LiveDialogProps } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { readingAt } from "../../panels/cursor-time";
 import { reading } from "../../panels/panel-context";

@@ -2,9 +2,9 @@
 import { registerExtension, type Slots } from "../../extension";
 import { BAR_CLASS } from "../../pages/top-bar";
 import type { ExtensionPress } from "../../ui/keys";
-import type { LiveDialogProps } from "../../pages/app-state";
+import type { LiveDialogProps } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { recordingTitle } from "../../recordings/library-filter";
 import { Button } from "../../ui/button";
 import { IconButton } from "../../ui/icon-button";

@@ -4,8 +4,8 @@
  */
 import { effect } from "@preact/signals";
 import { registerExtension } from "../../extension";
-import type { DeviceActionProps } from "../../pages/app-state";
-import type { App } from "../../pages/app-state";
+import type { DeviceActionProps } from "../../page/context";
+import type { App } from "../../page/context";
 import { route } from "../../pages/route";
 import { Button } from "../../ui/button";
 import { late } from "../../ui/late";

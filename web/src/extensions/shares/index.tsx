@@ -1,6 +1,6 @@
 /** Sharing the port of a device with other programs. */
 import { registerExtension } from "../../extension";
-import type { DeviceActionProps, LiveDialogProps } from "../../pages/app-state";
+import type { DeviceActionProps, LiveDialogProps } from "../../page/context";
 
 import { Button } from "../../ui/button";
 import { late } from "../../ui/late";

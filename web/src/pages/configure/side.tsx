@@ -2,7 +2,7 @@
 import { Slot } from "../../extension";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { StopJob } from "./jobs";
 import type { Model } from "./model";
 

@@ -22,7 +22,7 @@ import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Hint } from "../../ui/card";
 import { Message } from "../../ui/message";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { Slot } from "../../extension";
 import { href } from "../route";
 import { exportingOf } from "./exporting";

@@ -19,7 +19,7 @@ import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { SearchField } from "../../ui/search-field";
 import { Message } from "../../ui/message";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { Slot } from "../../extension";
 import { TopBar } from "../top-bar";
 import { go, href } from "../route";

@@ -1,14 +1,14 @@
 /** An open recording on a page: its controller, and what is open over its plots. */
 import { type Signal, signal } from "@preact/signals";
 import type { FunctionComponent } from "preact";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { type LinkedPlace, placeHref } from "../../recordings/permalink";
 import { applyLinkText, linkTextOf } from "../../workspace/parts";
 import { sessionOf, type WorkspaceSession } from "../../workspace/session";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 
-declare module "../app-state" {
+declare module "../../page/context" {
   interface ExtensionDialog {
     readonly Recording?: FunctionComponent<RecordingDialogProps>;
   }
