@@ -2,7 +2,7 @@
 /** Extensions of the page: whichever there are, it opens; a mistaken one is refused. */
 import { waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
-import { registerExtension } from "./extension";
+import { allExtensions, registerExtension } from "./extension";
 import { openPage } from "./testing/live-page";
 import { recorded } from "./testing/recorded";
 
@@ -13,9 +13,18 @@ test("the page opens without an error", async () => {
   for (const spy of errors) expect(spy).not.toHaveBeenCalled();
 });
 
-test("a dialog is named after its extension, and a name is taken once", () => {
-  const dialog = { overlay: "elsewhere/dialog", View: () => null } as const;
-  expect(() => registerExtension({ name: "trial", dialogs: [dialog] })).toThrow('must begin with "trial/"');
+test("a name is taken once", () => {
   registerExtension({ name: "trial" });
   expect(() => registerExtension({ name: "trial" })).toThrow("two extensions");
+});
+
+test("dialogs are named after their extension, and panels have names of their own", () => {
+  const all = allExtensions();
+  const foreign = all.flatMap(({ name, dialogs = [] }) =>
+    dialogs.filter(({ overlay }) => !overlay.startsWith(`${name}/`)),
+  );
+  expect(all.flatMap(({ dialogs = [] }) => dialogs)).not.toEqual([]);
+  expect(foreign).toEqual([]);
+  const panels = all.flatMap(({ panels: own = [] }) => own.map(({ id }) => id));
+  expect(new Set(panels).size).toBe(panels.length);
 });

@@ -5,7 +5,7 @@ import { framesDrawn } from "./data/render-loop";
 import { watchSampleInterval } from "./data/sample-interval";
 import { Store } from "./data/store";
 import { createViewState } from "./data/view-state";
-import { startExtensions } from "./extension";
+import { startExtensions } from "./pages/app-state";
 import { loadPorts, startApp } from "./pages/app-state";
 import { startKeyboard } from "./pages/keyboard";
 import { startLiveAddress } from "./pages/live-address";

@@ -4,12 +4,13 @@
  * the output to switch on instead of an empty instrument.
  */
 import { effect } from "@preact/signals";
-import { type AttitudeCell, fromExtensions } from "../extension";
+import { fromExtensions } from "../extension";
 import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/rotations";
 import { bodyOf, pairIn } from "../data/frames";
 import type { Channel } from "../data/channels";
 import type { ViewState } from "../data/view-state";
-import { channelsOf, type Deps, reading, sampleAt, selected } from "../panels/panel-context";
+import { channelsOf, reading, sampleAt, selected } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { trustOf } from "../panels/authenticity";
 import { surface } from "../ui/canvas";
 import { el, throttle, LiveText, type Panel, unit } from "../ui/dom";
@@ -22,6 +23,19 @@ import { FRAMES, headingOf, horizonOf, pitchSign } from "./projection";
 import { type Source, attitudeSource } from "./source";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/attitude";
+
+export interface AttitudeCell {
+  /** Whether it has something to show of a device with these channels. */
+  readonly applies: (channels: readonly Channel[]) => boolean;
+  readonly mount: (host: HTMLElement, deps: Deps) => Panel;
+}
+
+declare module "../extension" {
+  interface Extension {
+    /** Cells beside the attitude. */
+    readonly attitudeCells?: readonly AttitudeCell[];
+  }
+}
 
 /** Mounts into `host`, the attitude row; rebuilt when the device's channels change. */
 export function mountAttitude(host: HTMLElement, deps: Deps): Panel {

@@ -22,7 +22,7 @@ import { MinMax, OrAnd, type Extent, type ColumnValues } from "./minmax-pyramid"
 import { type FrameChange, inFrame } from "./frames";
 import { Gaps } from "./line-breaks";
 import { NO_STATS, type Stats, statsOf } from "./statistics";
-import type { TimeBase } from "./view-state";
+import type { TimeBase } from "./view";
 
 /** How far back, in rows, a late sample is moved. 4096 rows are 2 s at 2 kHz: ten times the age of a GNSS fix. */
 const LATE_ROWS = 4096;

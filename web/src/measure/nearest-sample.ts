@@ -1,6 +1,6 @@
 /** The sample that a cursor snaps to. */
 import type { Ring } from "../data/ring-buffer";
-import type { TimeBase } from "../data/view-state";
+import type { TimeBase } from "../data/view";
 
 /** Time of the sample of a ring nearest to `t`; undefined if the ring holds none on one side, or only a summary, whose rows share their times. */
 export function nearestSample(ring: Ring, t: number, base: TimeBase): number | undefined {

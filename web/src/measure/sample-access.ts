@@ -2,7 +2,7 @@
 import type { Channel } from "../data/channels";
 import type { Ring } from "../data/ring-buffer";
 import type { Store } from "../data/store";
-import type { Reads } from "../plots/legend";
+import type { Reads } from "../data/view";
 import type { FigureSource } from "./figure-source";
 
 /** The server's signals of a live device. */

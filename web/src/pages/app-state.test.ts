@@ -3,7 +3,8 @@
 import { expect, test } from "vitest";
 import { newApp } from "../testing/live-page";
 import type { DeviceInfo } from "../wire/types";
-import { type App, select } from "./app-state";
+import { select } from "./app-state";
+import type { App } from "../page/context";
 
 const shown = ({ viewState }: App): string | undefined => viewState.view.value.device;
 const tell = ({ store }: App, ids: readonly string[]): void => {

@@ -2,57 +2,18 @@
  * State of the page beyond the store: the open dialog, the last problem, ports, a slow clock. `startApp` makes it, and every component
  * gets it as a property, so that a document can hold several pages that know nothing of each other.
  */
-import { computed, effect, type Signal, signal } from "@preact/signals";
-import type { ExtensionOverlay } from "../extension";
-import type { Begin } from "../forms/add-device";
-import type { Deps, PacketAt } from "../panels/panel-context";
-import type { Sort } from "../panels/event-groups";
-import { api, type Outcome, type Port, type HttpProblem } from "../ui/http";
-import { isHeld, type PageState, pageState } from "../ui/page-state";
+import type { Overlay, App } from "../page/context";
+import { computed, effect, signal } from "@preact/signals";
+import { allExtensions } from "../extension";
+import type { Deps } from "../page/context";
+import type { Sort } from "../page/context";
+import { api, type Outcome } from "../ui/http";
+import { isHeld, pageState } from "../ui/page-state";
 import { deviceInLink, shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
 import { route } from "./route";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
-
-export type Overlay = "help" | "add" | "memory" | "packet" | ExtensionOverlay | undefined;
-/** A panel over the plots while the window is narrow. */
-export type Drawer = "rail" | "side" | undefined;
-
-export interface App extends Deps {
-  readonly device: { readonly value: DeviceInfo | undefined };
-  readonly state: { readonly value: PageState };
-  readonly overlay: Signal<Overlay>;
-  /** What the dialog of an extension is about, if it was opened with that. */
-  readonly subject: Signal<object | undefined>;
-  /** The device whose decoding is being changed. */
-  readonly keyFor: Signal<Begin | undefined>;
-  /** The table being shown: name and title of its channel. */
-  readonly openTable: Signal<{ readonly name: string; readonly title: string } | undefined>;
-  /** The frame that is shown. */
-  readonly packetAt: Signal<PacketAt | undefined>;
-  /** The address typed for a new device; it stays while its dialog is closed. */
-  readonly newAddress: Signal<string>;
-  readonly sheet: Signal<Drawer>;
-  /** Whether the tree of all signals is open beside the plots. */
-  readonly showsSignals: Signal<boolean>;
-  /** Whether the side panel is folded on a wide window. */
-  readonly folded: Signal<boolean>;
-  /** The last request that failed; stays until dismissed. */
-  readonly problem: Signal<HttpProblem | undefined>;
-  /** Why the server refuses access, once known. */
-  readonly refusal: Signal<HttpProblem | undefined>;
-  readonly ports: Signal<readonly Port[]>;
-  readonly scanning: Signal<boolean>;
-  /** Counts half seconds, for components that show an age or a countdown. */
-  readonly tick: Signal<number>;
-  /** The device that a link named: its key or its id. */
-  readonly linked: Signal<string | undefined>;
-  /** A requested device, by id; a newly added one is selected as soon as the server reports it. */
-  readonly awaited: Signal<string | undefined>;
-  /** Ends what it does by itself. */
-  readonly stop: () => void;
-}
 
 /** State that belongs to an object: one for each, made when it is first used. */
 export function madeFor<Owner extends object, T>(make: (owner: Owner) => T): (owner: Owner) => T {
@@ -171,6 +132,10 @@ export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
     ports: signal([]),
     scanning: signal(false),
   };
+}
+
+export function startExtensions(app: App): void {
+  for (const { start } of allExtensions()) start?.(app);
 }
 
 export function select(app: App, id: string): void {

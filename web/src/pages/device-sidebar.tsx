@@ -20,10 +20,20 @@ import { fullName, shortName } from "../wire/device-name";
 import { MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { ResumeButton } from "./empty-states";
-import { type App, askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
+import { askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
+import type { App, DeviceActionProps } from "../page/context";
 import { SimulatedTag } from "../ui/simulated-tag";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
+
+declare module "../extension" {
+  interface Slots {
+    /** Actions of the selected device. */
+    readonly deviceActions: DeviceActionProps;
+    /** In the row of a device, under its facts. */
+    readonly deviceRow: DeviceActionProps;
+  }
+}
 
 export function Rail({ app }: { readonly app: App }) {
   const { overlay, ports, scanning, sheet } = app;

@@ -1,7 +1,7 @@
 /** Files dropped anywhere on the page go into the library; by default a browser would leave the page and open them. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { go, route } from "./route";
 import { TEXT } from "../texts/live";
 

@@ -10,11 +10,19 @@ import { shortSource } from "../ui/page-state";
 import { deviceInLink, fullName, writeName } from "../wire/device-name";
 import { capabilities } from "../wire/capabilities";
 import type { DeviceInfo } from "../wire/types";
-import { type App, connect, linkOf, run, scanPorts } from "./app-state";
+import { connect, linkOf, run, scanPorts } from "./app-state";
+import type { App } from "../page/context";
 import { portWords } from "./device-sidebar";
 import { SavedBand } from "./record-button";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
+
+declare module "../extension" {
+  interface Slots {
+    /** Bands over every page. */
+    readonly bands: { readonly app: App };
+  }
+}
 
 interface Props {
   readonly app: App;

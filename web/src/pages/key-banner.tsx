@@ -4,7 +4,8 @@ import { Button } from "../ui/button";
 import { api } from "../ui/http";
 import { Band } from "../ui/band";
 import { Message } from "../ui/message";
-import { type App, askKey, linkOf, run } from "./app-state";
+import { askKey, linkOf, run } from "./app-state";
+import type { App } from "../page/context";
 import { TEXT } from "../texts/live";
 
 /** Secure devices on the link of the selected one that restarted: their frames are refused until an operator re-arms them. */

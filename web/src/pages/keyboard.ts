@@ -1,6 +1,6 @@
 /** Handles keys by the table in ui/keys.ts. */
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { VIEW_ONLY } from "../ui/http";
 import { isViewOnly } from "../wire/capabilities";
 import { showsPlots } from "../ui/page-state";

@@ -9,7 +9,7 @@ import { type LinkedPlace, placeQuery, readPlace, seriesOf, takeSeries } from ".
 import { copyText } from "../ui/copy";
 import { applyLinkText, linkTextOf } from "../workspace/parts";
 import { sessionOf } from "../workspace/session";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { keepAddress } from "./keep-address";
 import { linkName } from "../wire/device-name";
 import { href, route } from "./route";

@@ -7,7 +7,7 @@ import { newApp } from "../testing/live-page";
 import { answering, type Asked, recorded } from "../testing/recorded";
 import { capabilities } from "../wire/capabilities";
 import type { ExportCapability } from "../wire/capability-types";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { MemoryDialog } from "./memory-dialog";
 import { SavedBand } from "./record-button";
 import { route } from "./route";

@@ -11,10 +11,17 @@ import { clock } from "../ui/format";
 import type { HttpProblem } from "../ui/http";
 import { ProblemNote } from "../ui/problem-note";
 import { usePolled } from "../ui/use-polled";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { showSaved } from "./record-button";
 import { exportingOf } from "./recordings/exporting";
 import { TEXT } from "../texts/live";
+
+declare module "../extension" {
+  interface Slots {
+    /** What can be made of the bytes in memory besides a recording. */
+    readonly memoryActions: { readonly app: App; readonly disabled: boolean };
+  }
+}
 
 /** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */
 const MARGIN_S = 1;

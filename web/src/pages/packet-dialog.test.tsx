@@ -2,7 +2,7 @@
 /** The packet view: the frame of a sample with the meaning of its bytes, its neighbours, and the way back to the plot. */
 import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
-import type { PacketAt } from "../panels/panel-context";
+import type { PacketAt } from "../page/context";
 import { answering, type Asked } from "../testing/recorded";
 import type { PacketInfo, PacketView } from "../wire/routes";
 import { PacketDialog } from "./packet-dialog";

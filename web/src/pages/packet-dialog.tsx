@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { spaced } from "../forms/frame-chips";
-import type { PacketAt, ShownSample } from "../panels/panel-context";
+import type { PacketAt, ShownSample } from "../page/context";
 import { Button } from "../ui/button";
 import { copyText } from "../ui/copy";
 import { Dialog } from "../ui/dialog";
@@ -12,7 +12,7 @@ import { IconButton } from "../ui/icon-button";
 import { ProblemNote } from "../ui/problem-note";
 import type { PacketInfo, PacketView } from "../wire/routes";
 import { fetchFrames, type FramesAsk, packetTitle } from "./packet-frames";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { packetRows } from "./packet-rows";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/packets";

@@ -1,6 +1,6 @@
 /** The parts of a frame as rows: where they are, their bytes, what they mean, and the value on the wire. Pure. */
 import { spaced } from "../forms/frame-chips";
-import type { ShownSample } from "../panels/panel-context";
+import type { ShownSample } from "../page/context";
 import type { PacketInfo } from "../wire/routes";
 
 export interface PacketRow {

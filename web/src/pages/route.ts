@@ -7,12 +7,38 @@
  *     #/recordings/<id>?t0=…&cursor=…       a recording at the place of the link (recordings/permalink.ts)
  *     #/<name>?…                            a page of an extension, which reads the query itself (extension.tsx)
  */
+import type { FunctionComponent } from "preact";
 import { signal } from "@preact/signals";
 import { fromExtensions } from "../extension";
 import type { IconName } from "../ui/icons";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
+
+/** A page, "#/NAME?…" in the address. */
+export interface ExtensionPage extends PageEntry {
+  /**
+   * It shows other hosts, and a server that offers it has no device of its own: it then takes the place of Live and Configure. Nothing is
+   * recorded from it.
+   */
+  readonly isRemote?: boolean;
+  /** Whether the navigation leads to it. Reads signals. */
+  readonly isOffered: (app: App) => boolean;
+  readonly View: FunctionComponent<{ readonly app: App }>;
+}
+
+/** A page at certain addresses of another one. */
+export interface ExtensionAddress {
+  readonly takes: (route: Route) => boolean;
+  readonly View: FunctionComponent<{ readonly app: App }>;
+}
+
+declare module "../extension" {
+  interface Extension {
+    readonly pages?: readonly ExtensionPage[];
+    readonly addresses?: readonly ExtensionAddress[];
+  }
+}
 
 /** "live", "configure", "recordings", or the name of an extension's page. */
 export type PageName = string;

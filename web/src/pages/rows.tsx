@@ -2,8 +2,8 @@
 import { mountRows } from "../panels/rows";
 import { Dialog } from "../ui/dialog";
 import { PanelHost } from "../ui/panel-host";
-import type { Deps } from "../panels/panel-context";
-import type { App } from "./app-state";
+import type { Deps } from "../page/context";
+import type { App } from "../page/context";
 
 export function RowsDialog({ app, deps }: { readonly app: App; readonly deps: Deps }) {
   const open = app.openTable.value;

@@ -1,7 +1,8 @@
 /** The link to what is on screen on Live: a button and its key. */
 import { signal } from "@preact/signals";
 import { IconButton } from "../ui/icon-button";
-import { type App, perApp } from "./app-state";
+import { perApp } from "./app-state";
+import type { App } from "../page/context";
 import { copyLiveLink } from "./live-address";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";

@@ -4,7 +4,7 @@ import type { FunctionComponent } from "preact";
 import { fromExtensions } from "../extension";
 import { Icon } from "../ui/icons";
 import { late } from "../ui/late";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { DropVeil } from "./drop";
 import { LivePage } from "./live";
 import { href, type PageName, pagesOf, route } from "./route";

@@ -2,7 +2,8 @@
 import { useRef } from "preact/hooks";
 import { Slot } from "../extension";
 import type { ViewActions } from "../data/view-actions";
-import { type Deps, recently } from "../panels/panel-context";
+import { recently } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { Button } from "../ui/button";
 import { Select } from "../ui/choices";
 import { age, number, rate, span } from "../ui/format";
@@ -14,7 +15,7 @@ import { theme, toggleTheme } from "../ui/theme";
 import { useFit } from "../ui/use-fit";
 import { ViewerButton } from "../views/viewers";
 import { ArrangeButton } from "../workspace/arrange";
-import type { App } from "./app-state";
+import type { App } from "../page/context";
 import { Record } from "./record-button";
 import { href, isRemote, type PageName, pagesOf, route } from "./route";
 import { Share } from "./share";
@@ -23,6 +24,25 @@ import type { DeviceInfo } from "../wire/types";
 import { SimulatedTag } from "../ui/simulated-tag";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
+
+/** Classes of buttons: what they do to a bar that is full (ui/layout.css, ui/phone.css). */
+export const BAR_CLASS = {
+  /** Takes the place of the name of the page on a phone. */
+  overPlots: "over-plots",
+  /** The first to be left out. */
+  spareFirst: "spare-first",
+  /** Left out while something is recorded, and on a phone. */
+  spare: "desk spare",
+} as const;
+
+declare module "../extension" {
+  interface Slots {
+    /** Buttons over plots: those of Live, or of an open recording. */
+    readonly barViews: { readonly app: App; readonly isLive: boolean };
+    /** Buttons over the plots of Live, before "Share". */
+    readonly barShare: { readonly app: App };
+  }
+}
 
 const PANELS: Readonly<Record<PageName, { readonly rail: string; readonly side: string }>> = {
   live: { rail: COMMON.devices, side: TEXT.valuesAndHealth },

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import type { View } from "../data/view-state";
+import type { View } from "../data/view";
 import { readingAt } from "./cursor-time";
 
 const live: View = { device: "1", live: true, end: 0, span: 20, timeBase: "device" };

@@ -3,7 +3,7 @@
  * read there; paused with no cursor they read the right edge of the window. Computed in one place, so that instruments, values
  * and plots always show the same moment.
  */
-import type { Cursor, TimeBase, View } from "../data/view-state";
+import type { Cursor, TimeBase, View } from "../data/view";
 
 export interface CursorReading {
   /** Server clock, unix seconds: samples at or before this are read. Infinity: the newest there is. */

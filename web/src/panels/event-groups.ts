@@ -4,13 +4,11 @@
  * A bad cable causes ten events a second, each with its own words; a line for each would displace everything else. Events of one
  * sort that follow each other within AGAIN_S are a group: it gives their number, their total, and their first and last time.
  */
+import type { Sort } from "../page/context";
 import { number } from "../ui/format";
 import type { EventInfo, EventKind, Level } from "../wire/types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/panels";
-
-/** Filter of the list. */
-export type Sort = "all" | "loss" | "device" | "commands" | "markers" | "alarms";
 
 export const SORTS: readonly { readonly name: Sort; readonly title: string }[] = [
   { name: "all", title: COMMON.all },

@@ -7,7 +7,7 @@ import { createViewState } from "../data/view-state";
 import type { EventInfo } from "../wire/types";
 import { eventInfo } from "../testing/fixtures";
 import "./event-list";
-import type { Deps } from "./panel-context";
+import type { Deps } from "../page/context";
 import { panelsAt } from "./registry";
 
 const event = (seq: number, kind: EventInfo["kind"]): EventInfo => eventInfo({ seq, kind, time: seq, text: kind });

@@ -8,7 +8,8 @@ import { number } from "../ui/format";
 import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { behindWords } from "./behind-text";
-import { ageOf, channelsOf, type Deps, channelInfos, recently, selected, usualStep } from "./panel-context";
+import { ageOf, channelsOf, channelInfos, recently, selected, usualStep } from "./panel-context";
+import type { Deps } from "../page/context";
 import {
   type HealthQuantity,
   healthFigures,

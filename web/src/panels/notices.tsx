@@ -1,6 +1,7 @@
 /** Standing notices about the link: a slow USB latency timer and its fix, the clients, two protocols in one stream. */
 import { Message } from "../ui/message";
-import { type Deps, selected } from "./panel-context";
+import { selected } from "./panel-context";
+import type { Deps } from "../page/context";
 
 export function Notices({ deps }: { readonly deps: Deps }) {
   return (

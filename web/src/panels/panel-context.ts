@@ -1,88 +1,9 @@
 /** Context passed to a panel when it is mounted. */
-import type { TimeBase, ViewState } from "../data/view-state";
-import type { Stats } from "../data/statistics";
+import type { Deps } from "../page/context";
 import type { Channel } from "../data/channels";
-import type { Store } from "../data/store";
-import type { Signal } from "@preact/signals";
-import type { Sort } from "./event-groups";
-import type { ChannelInfo, DeviceInfo, EventInfo } from "../wire/types";
+import type { ChannelInfo, DeviceInfo } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
-import type { RecentHealth } from "./health-history";
-import type { ExtensionOverlay } from "../extension";
 import { type CursorReading, readingAt } from "./cursor-time";
-import type { SampleAccess } from "../measure/sample-access";
-
-/** A sample as a plot shows it, and where it is in its frame. */
-export interface ShownSample {
-  /** "Rate of turn z" and "−45.58 °/s". */
-  readonly name: string;
-  readonly value: string;
-  /** Names of the message and of the channel that was sent, and of the column; place of the column, −1 if it was computed. */
-  readonly message: string;
-  readonly channel: string;
-  readonly column: string;
-  readonly at: number;
-}
-
-export interface PacketAt {
-  /** DeviceInfo.id */
-  readonly device: string;
-  /** Unix s, on the clock of `base`. */
-  readonly time: number;
-  readonly base: TimeBase;
-  /** Channel of the sample; absent: any frame. */
-  readonly channel?: number;
-  /** The sample as its plot shows it. */
-  readonly sample?: ShownSample;
-  readonly kind?: "reject";
-  /** Without a channel: place among the frames that arrived together. */
-  readonly rank?: number;
-  /** Name of the device; absent: as the store has it. */
-  readonly name?: string;
-  /** RecordingInfo.id; absent: a live device. */
-  readonly recording?: string;
-  /** Sets the cursor of its plots. */
-  readonly pin: (time: number) => void;
-}
-
-/** Overlays that a panel can open. */
-export interface Openers {
-  /** The tree of all signals. */
-  signals(): void;
-  /** The rows of the table channel of that name. */
-  rows(name: string, title: string): void;
-  /** The frame at a time, byte by byte. */
-  packet(at: PacketAt): void;
-  /** A dialog of an extension, and what it is about. */
-  dialog(name: ExtensionOverlay, about: object): void;
-}
-
-export interface Deps {
-  readonly store: Store;
-  readonly viewState: ViewState;
-  readonly recentHealth: RecentHealth;
-  readonly open: Openers;
-  /** What the list of events holds. */
-  readonly eventSort: Signal<Sort>;
-  /** True while the newest value is old: headings then show its age. */
-  readonly held: () => boolean;
-  /** Statistics of a column over the window if the store holds only some of its samples; undefined until known. */
-  readonly statistics?: (channel: Channel, column: number, at: CursorReading) => Stats | undefined;
-  /** Samples of any range, if the store has only those around the cursor. */
-  readonly samples?: SampleAccess;
-  /** All events, if the store has only those up to the reading position. */
-  readonly allEvents?: readonly EventInfo[];
-  /** Shows a moment, if that needs more than a change of the view. */
-  readonly jump?: (to: { readonly t0: number; readonly t1: number }) => void;
-  /** The recording that the samples are of; undefined on Live. */
-  readonly recording?: {
-    readonly id: string;
-    /** Speed of playback, recorded seconds per second; 0 while paused. */
-    readonly rate: () => number;
-  };
-  /** Samples of a recording missing after the reading position. */
-  readonly lostLater?: (device: string) => number;
-}
 
 /** The moment read by the panels. */
 export function reading(deps: Deps): CursorReading {

@@ -2,7 +2,7 @@ import { expect, it } from "vitest";
 import { signal } from "@preact/signals";
 import { capabilities } from "../wire/capabilities";
 import { protocol } from "../testing/capabilities";
-import type { Deps } from "./panel-context";
+import type { Deps } from "../page/context";
 import { type PanelDefinition, panelsAt, registerPanel } from "./registry";
 
 const panel = (id: string, order: number, applies?: PanelDefinition["applies"]): PanelDefinition => ({

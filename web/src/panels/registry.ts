@@ -2,11 +2,18 @@
  * The panels of the page: each file of this folder that has one registers it as it is loaded, and the page shows those that
  * apply, in their order. docs/add-a-panel.md explains how to write one.
  */
+import { fromExtensions } from "../extension";
 import { signal } from "@preact/signals";
 import type { ComponentChildren, FunctionComponent } from "preact";
 import type { Panel } from "../ui/dom";
 import { protocolAmong } from "../wire/capabilities";
-import type { Deps } from "./panel-context";
+import type { Deps } from "../page/context";
+
+declare module "../extension" {
+  interface Extension {
+    readonly panels?: readonly PanelDefinition[];
+  }
+}
 
 /** Place of a panel at first: the strip over the plots of a phone, the middle, the side column, or its scrolling part. */
 export type PanelPlace = "strip" | "main" | "side" | "below";
@@ -58,8 +65,8 @@ export function arrangedPanels(deps: Deps): readonly PanelDefinition[] {
 export function panelsAt(where: PanelPlace, deps: Deps): readonly PanelDefinition[] {
   const first = protocolAmong(deps.store.devices.value, deps.viewState.device.value)?.panels ?? [];
   const rank = ({ id }: PanelDefinition): number => (first.includes(id) ? first.indexOf(id) : first.length);
-  if (added.value === 0) return [];
-  return [...panels.values()]
+  void added.value;
+  return [...panels.values(), ...fromExtensions("panels")]
     .filter((panel) => panel.where === where && (panel.applies?.(deps) ?? true))
     .sort((a, b) => rank(a) - rank(b) || a.order - b.order);
 }

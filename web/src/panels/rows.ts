@@ -3,7 +3,8 @@ import type { Channel } from "../data/channels";
 import { el, throttle, type Panel } from "../ui/dom";
 import { decimalsOf, number } from "../ui/format";
 import { choiceWords } from "../ui/labels";
-import { channelsOf, type Deps, reading, sampleAt } from "./panel-context";
+import { channelsOf, reading, sampleAt } from "./panel-context";
+import type { Deps } from "../page/context";
 
 /** First of the table's rows that share the time of the row at `i`; −1 if there is none. */
 export function firstRowAt({ ring }: Pick<Channel, "ring">, i: number): number {

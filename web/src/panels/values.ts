@@ -6,7 +6,8 @@
 import type { Channel } from "../data/channels";
 import { throttle, el, LiveText, type Panel, unit } from "../ui/dom";
 import { age, clock, decimalsOf, NONE, number, span } from "../ui/format";
-import { ageOf, channelsOf, type Deps, reading, sampleAt } from "./panel-context";
+import { ageOf, channelsOf, reading, sampleAt } from "./panel-context";
+import type { Deps } from "../page/context";
 import { DTYPE_SIZE } from "../wire/types";
 import { valueGroups, type ValueRow } from "./value-groups";
 import type { CursorReading } from "./cursor-time";

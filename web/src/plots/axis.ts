@@ -1,7 +1,7 @@
 /**
  * The time axis: ticks in clock steps, labels in UTC, and the cursor's time to 1 ms.
  */
-import type { View } from "../data/view-state";
+import type { View } from "../data/view";
 import { clock } from "../ui/format";
 import { type Palette, setFont, type CanvasLayer } from "./canvas-style";
 import { xOf, type TimeWindow } from "./time-window";

@@ -7,7 +7,7 @@ import { number, span as spanOf } from "../ui/format";
 import { PixelColumns } from "./pixel-columns";
 import { drawMarkers, type MarkLine } from "./markers";
 import { type Palette, setFont, type CanvasLayer } from "./canvas-style";
-import type { PlotSpec } from "./plot-selection";
+import type { PlotSpec } from "../data/view";
 import { timeWindow, xOf, type TimeWindow } from "./time-window";
 import { TEXT } from "../texts/plots";
 

@@ -3,7 +3,7 @@
 import { expect, test, vi } from "vitest";
 import { Store } from "../data/store";
 import { createViewState } from "../data/view-state";
-import type { Deps } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { giveSizes } from "../testing/live-page";
 import { feed, recorded } from "../testing/recorded";
 import { mountLanes } from "./lanes-panel";

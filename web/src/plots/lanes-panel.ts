@@ -4,7 +4,7 @@
  */
 import { effect } from "@preact/signals";
 import type { Channel } from "../data/channels";
-import type { Deps } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { el, type Panel, throttle } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { onLook, CanvasLayer, palette, type Palette } from "./canvas-style";

@@ -2,7 +2,7 @@ import { expect, it } from "vitest";
 import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
 import { differenceOf } from "./legend";
-import type { Series } from "./plot-selection";
+import type { Series } from "../data/view";
 import { CHANNELS, frameOf } from "../testing/synthetic";
 
 /** A channel whose first column increases by 10° a second from `start`, at `times`, and wraps. */

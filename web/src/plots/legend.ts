@@ -2,15 +2,15 @@
  * The legend of a plot: its name and unit, and for every series its letter and the value at the cursor. A series is a button: a
  * click hides or shows it, with Shift it is shown alone.
  */
+import type { Reads } from "../data/view";
 import { lowerBound } from "../data/line-breaks";
 import { wrapped } from "../data/statistics";
-import type { Channel } from "../data/channels";
-import type { TimeBase } from "../data/view-state";
-import type { ShownSample } from "../panels/panel-context";
+import type { TimeBase } from "../data/view";
+import type { ShownSample } from "../page/context";
 import type { ChannelInfo } from "../wire/types";
 import { number } from "../ui/format";
 import { el, LiveText, unit } from "../ui/dom";
-import type { PlotSpec, Series } from "./plot-selection";
+import type { PlotSpec, Series } from "../data/view";
 import { TEXT } from "../texts/plots";
 
 /** A cursor this long after the newest sample still reads it, s: samples are in transit. */
@@ -29,8 +29,6 @@ function rowAt({ channel: { ring } }: Pick<Series, "channel">, t: number, base: 
   return age > fresh && ring.breaks[lowerBound(ring.breaks, next)] === next ? -1 : next - 1;
 }
 
-/** The unsummarised samples of a channel around a time, if the drawn ones are summarised. */
-export type Reads = (channel: Channel, t: number) => Channel;
 const asDrawn: Reads = (channel) => channel;
 
 /** The value there; NaN if there is none. */

@@ -1,7 +1,7 @@
 /** The row of further quantities under the plots, one click each; grouped by message if they are many. */
 import type { ViewState } from "../data/view-state";
 import { el, unit } from "../ui/dom";
-import type { PlotSpec } from "./plot-selection";
+import type { PlotSpec } from "../data/view";
 import { TEXT } from "../texts/plots";
 
 /** With more further quantities than this they are grouped by message. */

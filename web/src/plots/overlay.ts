@@ -8,7 +8,8 @@ import { drawMarkers, type MarkLine } from "./markers";
 import type { Palette, CanvasLayer } from "./canvas-style";
 import { hatch, setFont } from "./canvas-style";
 import type { Plot } from "./plot";
-import { type Reads, valueAt } from "./legend";
+import { valueAt } from "./legend";
+import type { Reads } from "../data/view";
 import { xOf, type TimeWindow } from "./time-window";
 
 /** A loss is at least this wide (design, "Loss"), px. */

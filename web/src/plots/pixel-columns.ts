@@ -7,7 +7,7 @@
  */
 import type { Extent } from "../data/minmax-pyramid";
 import type { Ring } from "../data/ring-buffer";
-import type { TimeBase } from "../data/view-state";
+import type { TimeBase } from "../data/view";
 
 export class PixelColumns {
   /** Slot of pixel g is g & mask, in `rows` and in each of `lo` and `hi`. */

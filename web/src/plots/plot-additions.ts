@@ -1,10 +1,19 @@
 /** What extensions add to plots: marks over the traces, and the menu of a series in a legend. */
 import type { Store } from "../data/store";
 import type { ViewState } from "../data/view-state";
-import type { Openers } from "../panels/panel-context";
+import type { Openers } from "../page/context";
 import type { Palette } from "./canvas-style";
-import type { PlotSpec, Series } from "./plot-selection";
+import type { PlotSpec, Series } from "../data/view";
 import type { TimeWindow } from "./time-window";
+
+declare module "../extension" {
+  interface Extension {
+    /** What is drawn over the plots. */
+    readonly plotMarks?: readonly PlotMarks[];
+    /** What the menu of a series in the legend of a plot opens: that of the first that has one. */
+    readonly seriesActions?: readonly SeriesAction[];
+  }
+}
 
 /** A plot as marks need it, CSS px from the top of the stack. */
 export interface MarkedPlot {

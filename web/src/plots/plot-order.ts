@@ -1,5 +1,5 @@
 /** The order of the plots and their heights, as a person chose them. Steps from one choice to the next; all are pure. */
-import type { PlotOrder } from "../data/view-state";
+import type { PlotOrder } from "../data/view";
 
 /** Least and greatest height of a plot, px. */
 export const PLOT_HEIGHT = [40, 1200] as const;

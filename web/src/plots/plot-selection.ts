@@ -6,60 +6,11 @@
  * not a protocol's own names. Every other number with a unit is offered under the plots and added with one click. A device that
  * sends none of the five shows its first few quantities. Angles of different size never share a y scale; neither do units.
  */
+import type { Series, PlotSpec } from "../data/view";
 import type { Channel } from "../data/channels";
 import type { ColumnInfo } from "../wire/types";
 import { decimalsOf } from "../ui/format";
 import { TEXT } from "../texts/plots";
-
-export interface Series {
-  readonly channel: Channel;
-  readonly column: number;
-  /** As `hidden` in view-state.ts: channel and column name. */
-  readonly key: string;
-  /** Words of its row, and at the end of its line. */
-  readonly label: string;
-  /** Name of its channel, if the plot's title does not tell it: above the row. */
-  readonly heading?: string;
-  /** Of a signal that a person put there: names its line where the label has no room. */
-  readonly mark?: string;
-  readonly colour: "axis-x" | "axis-y" | "axis-z" | "axis-n";
-  /** Dashes distinguish series without axis colours; empty for a solid line. */
-  readonly dash: readonly number[];
-  /** Of the plot's second unit: read on its right axis. */
-  readonly isRight?: boolean;
-  /** The norm of the others: shown in the legend, drawn only on request. */
-  readonly norm: boolean;
-  readonly decimals: number;
-}
-
-/** The axis on the right of a plot, for signals of a second unit. */
-export interface RightAxis {
-  /** Of its choices among those of all axes. */
-  readonly key: string;
-  readonly unit: string;
-  readonly decimals: number;
-}
-
-export interface PlotSpec {
-  /** Constant for the same quantity whenever channels are advertised again. */
-  readonly key: string;
-  readonly title: string;
-  readonly unit: string;
-  /** World frame of the angles or the vector, "" without one. */
-  readonly frame: string;
-  readonly series: readonly Series[];
-  readonly decimals: number;
-  /** The axis of a second unit. */
-  readonly right?: RightAxis;
-  /** Share of the height (design, "Grid"). */
-  readonly weight: number;
-  /** Shown initially. */
-  readonly primary: boolean;
-  /** The message of the quantity, for display; "" if the quantity is unique. */
-  readonly group: string;
-  /** Id of a plot that the user put together (signals/custom-plots.ts). */
-  readonly custom?: string;
-}
 
 interface Family {
   /** Of the channel's title, or its name. */

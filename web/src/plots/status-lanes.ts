@@ -11,7 +11,7 @@ import type { Loss } from "../data/losses";
 import { lowerBound } from "../data/line-breaks";
 import type { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
-import type { TimeBase } from "../data/view-state";
+import type { TimeBase } from "../data/view";
 import { age, number } from "../ui/format";
 import { choiceWords, labelWords } from "../ui/labels";
 import type { BitsInfo } from "../wire/types";

@@ -6,7 +6,7 @@
  * the times g·dt … (g+1)·dt, whichever frame draws it. So the extremes of a pixel are computed once and kept while it crosses the
  * screen, and a live trace does not shimmer as its samples change pixels.
  */
-import type { TimeBase, View } from "../data/view-state";
+import type { TimeBase, View } from "../data/view";
 
 export interface TimeWindow {
   /** Left and right edge, unix s. */

@@ -2,6 +2,13 @@
 import type { ViewState } from "../data/view-state";
 import type { SampleAccess } from "../measure/sample-access";
 
+declare module "../extension" {
+  interface Slots {
+    /** Under the plots of Live or of an open recording. */
+    readonly underPlots: UnderPlots;
+  }
+}
+
 export interface UnderPlots {
   readonly viewState: ViewState;
   /** Samples of a recording; of a live device the rings of the channels hold all of them. */

@@ -2,7 +2,7 @@
  * A y axis of a plot: the scale that follows the data, or what a person chose instead, and the control over its labels. A plot has one on
  * its left; signals of a second unit have one of their own on its right.
  */
-import type { YAxis } from "../data/view-state";
+import type { YAxis } from "../data/view";
 import { number } from "../ui/format";
 import { Scale, ticks } from "./scale";
 import { type Vertical, yOf } from "./trace";

@@ -1,5 +1,5 @@
 /** The plots as they are drawn: without hidden series, and by unit. Pure. */
-import type { PlotSpec, Series } from "./plot-selection";
+import type { PlotSpec, Series } from "../data/view";
 
 /** The plots with their series that are drawn. */
 export function visible(plots: readonly PlotSpec[], hidden: ReadonlySet<string>): readonly PlotSpec[] {

@@ -3,7 +3,7 @@ import { useSignal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
 import { Button } from "../ui/button";
 import { Dialog } from "../ui/dialog";
-import type { PlotSpec } from "./plot-selection";
+import type { PlotSpec } from "../data/view";
 import { typedRange } from "./y-axis";
 import { setYAxis } from "./y-gutter";
 import { TEXT } from "../texts/plots";

@@ -2,7 +2,7 @@
  * What a person chose for the y axis of a plot, and the arithmetic of zooming it. A range is given in the plot's unit; on a logarithmic
  * axis it is zoomed and moved by ratios.
  */
-import type { YAxis } from "../data/view-state";
+import type { YAxis } from "../data/view";
 import { figure } from "../charts/axes";
 
 export type YRange = readonly [low: number, high: number];

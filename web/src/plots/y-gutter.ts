@@ -3,7 +3,7 @@
  * double click makes it automatic again, and a click, Enter or a tap opens the form for a typed range. ↑ and ↓ move it, + and − zoom.
  */
 import { el } from "../ui/dom";
-import type { ViewSignals, YAxis } from "../data/view-state";
+import type { ViewSignals, YAxis } from "../data/view";
 import { figure } from "../charts/axes";
 import { shifted, type YRange, zoomed } from "./y-axis";
 import { TEXT } from "../texts/plots";

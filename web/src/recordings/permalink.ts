@@ -5,7 +5,7 @@
  *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…&plot=…&workspace=…
  */
 import type { WorldFrame } from "../data/rotations";
-import type { CustomPlot } from "../data/view-state";
+import type { CustomPlot } from "../data/view";
 import { href } from "../pages/route";
 import { plotsOfWords, plotWord } from "../signals/custom-plots";
 

@@ -17,7 +17,7 @@ import type { ViewState } from "../data/view-state";
 import { RecentHealth } from "../panels/health-history";
 import { type CursorReading, readingAt } from "../panels/cursor-time";
 import type { SampleAccess } from "../measure/sample-access";
-import type { Deps } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import type { HttpProblem } from "../ui/http";
 import { type LinkedPlace, seriesOf, takeSeries } from "./permalink";
 import { HealthHistoryFeed, minuteAt } from "./health-history";

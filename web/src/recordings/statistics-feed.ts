@@ -4,7 +4,7 @@
  */
 import { type MatrixRow, inFrame } from "../data/frames";
 import type { Stats } from "../data/statistics";
-import type { TimeBase } from "../data/view-state";
+import type { TimeBase } from "../data/view";
 import type { ColumnStatistics } from "../wire/routes";
 import { fetchStatistics } from "./api";
 

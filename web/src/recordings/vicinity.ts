@@ -4,7 +4,7 @@
  *     around(t) ── within what is held? ──▶ nothing to do
  *               └─ no ──▶ one WindowFetcher for each group of channels (`nearOf`) ──▶ GET …/window ──▶ store
  */
-import type { TimeBase } from "../data/view-state";
+import type { TimeBase } from "../data/view";
 import { WindowFetcher } from "./window-fetcher";
 import type { ReplayStore } from "./replay-store";
 import { type Bounds, type Near, nearOf } from "./time-range";

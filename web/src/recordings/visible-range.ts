@@ -7,7 +7,7 @@
  * Nothing of the page is used: a recording about to be opened has its samples here before it is shown (prefetch.ts).
  */
 import type { Channel } from "../data/channels";
-import type { CustomPlot, TimeBase } from "../data/view-state";
+import type { CustomPlot, TimeBase } from "../data/view";
 import { protocolAmong } from "../wire/capabilities";
 import { usualPlots } from "../plots/plot-selection";
 import { withCustomPlots } from "../signals/custom-plots";

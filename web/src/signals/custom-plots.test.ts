@@ -1,9 +1,10 @@
 /** Custom plots as plain data: what is drawn of them, how they change, and that a link brings them back. */
 import { expect, test } from "vitest";
 import type { Channel } from "../data/channels";
-import type { CustomPlot } from "../data/view-state";
+import type { CustomPlot } from "../data/view";
 import { legendRows } from "../plots/legend";
-import { labelOf, type PlotSpec } from "../plots/plot-selection";
+import { labelOf } from "../plots/plot-selection";
+import type { PlotSpec } from "../data/view";
 import { placeQuery, readPlace } from "../recordings/permalink";
 import { added, heldOf, misfit, removed, withCustomPlots } from "./custom-plots";
 

@@ -8,8 +8,8 @@
  * A signal whose device is away stays in the list, and is drawn again when the device is back.
  */
 import type { Channel } from "../data/channels";
-import type { CustomPlot, SignalRef } from "../data/view-state";
-import type { PlotSpec, Series } from "../plots/plot-selection";
+import type { CustomPlot, SignalRef } from "../data/view";
+import type { PlotSpec, Series } from "../data/view";
 import { decimalsOf } from "../ui/format";
 import { TEXT } from "../texts/signals";
 

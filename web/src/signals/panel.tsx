@@ -5,11 +5,13 @@
  */
 import { type Signal, untracked, useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import type { CustomPlot } from "../data/view-state";
+import type { CustomPlot } from "../data/view";
 import { Slot } from "../extension";
-import { type Deps, reading } from "../panels/panel-context";
+import { reading } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { protocolAmong } from "../wire/capabilities";
-import { type PlotSpec, usualPlots } from "../plots/plot-selection";
+import { usualPlots } from "../plots/plot-selection";
+import type { PlotSpec } from "../data/view";
 import { Button } from "../ui/button";
 import { IconButton } from "../ui/icon-button";
 import { SearchField } from "../ui/search-field";
@@ -30,6 +32,22 @@ import { listenForDrops } from "./drag";
 import { SignalRow } from "./row";
 import { parentOf, type TreeRow, treeRows } from "./tree-rows";
 import "./signals.css";
+
+interface SignalsProps {
+  readonly deps: Deps;
+  readonly isLive: boolean;
+  /** Takes the last action, in words. */
+  readonly onSaid: (words: string) => void;
+}
+
+declare module "../extension" {
+  interface Slots {
+    /** Actions of the row that is chosen. */
+    readonly signalActions: SignalsProps & { readonly row: TreeRow };
+    /** Actions over the tree of signals. */
+    readonly signalsHead: SignalsProps;
+  }
+}
 
 interface Props {
   readonly deps: Deps;

@@ -2,7 +2,7 @@
 import { render, waitFor } from "@testing-library/preact";
 import type { Store } from "../data/store";
 import type { Forms, SnapshotBody } from "../forms/types";
-import type { App } from "../pages/app-state";
+import type { App } from "../page/context";
 import type { DeviceJobs } from "../wire/types";
 import { ConfigurePage } from "../pages/configure/page";
 import { Decks } from "../pages/configure/rollback-banner";

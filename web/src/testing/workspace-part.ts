@@ -2,7 +2,8 @@
 import { signal } from "@preact/signals";
 import { expect } from "vitest";
 import { createViewState } from "../data/view-state";
-import { applyWorkspace, FORMAT, type Json, VERSION, type WorkspaceView, workspaceOf } from "../workspace/parts";
+import { applyWorkspace, FORMAT, VERSION, type WorkspaceView, workspaceOf } from "../workspace/parts";
+import type { Json } from "../data/json";
 
 const fresh = (): WorkspaceView => ({ viewState: createViewState(), folded: signal(false) });
 const workspace = (parts: object): unknown => ({ format: FORMAT, version: VERSION, parts });

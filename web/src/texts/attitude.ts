@@ -1,5 +1,5 @@
 /** Texts of attitude, position and track. */
-import type { Value } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   // panel

@@ -1,5 +1,5 @@
 /** Texts that several areas share. */
-import type { Value } from "./plural";
+import type { Value } from "./wire";
 
 export const COMMON = {
   simulated: "Simulated",

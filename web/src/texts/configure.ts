@@ -1,5 +1,6 @@
 /** Texts of Configure. */
-import { count, type Value } from "./plural";
+import { count } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   // apply bar

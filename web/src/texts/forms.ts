@@ -1,5 +1,6 @@
 /** Texts of forms: fields, tables, add a device. */
-import { count, type Value } from "./plural";
+import { count } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   // add device

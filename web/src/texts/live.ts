@@ -1,5 +1,6 @@
 /** Texts of Live and of what every page has: bar, devices, bands. */
-import { count, type Value } from "./plural";
+import { count } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   // app state

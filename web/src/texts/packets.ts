@@ -1,5 +1,6 @@
 /** Texts of the packet view. */
-import { count, type Value } from "./plural";
+import { count } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   // packet dialog

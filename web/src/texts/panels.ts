@@ -1,5 +1,6 @@
 /** Texts of the panels beside and below the plots. */
-import { count, plural, type Value } from "./plural";
+import { count, plural } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   // authenticity

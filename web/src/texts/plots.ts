@@ -1,5 +1,6 @@
 /** Texts of the plots. */
-import { count, type Value } from "./plural";
+import { count } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   // derived channels

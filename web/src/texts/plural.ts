@@ -1,9 +1,6 @@
 /** A count and its noun, in one place: what a language with other plural forms would change. */
 import { number } from "../ui/format";
 
-/** What a text is filled with. */
-export type Value = string | number;
-
 /** The form of a noun that belongs to a number: plural(2, "gap") is "gaps". */
 export function plural(n: number, one: string, many = `${one}s`): string {
   return n === 1 ? one : many;

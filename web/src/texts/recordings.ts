@@ -1,5 +1,6 @@
 /** Texts of the library and of a recording. */
-import { count, type Value } from "./plural";
+import { count } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   // details

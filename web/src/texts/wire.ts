@@ -18,3 +18,6 @@ export const TEXT = {
   bigEndian: "this machine is big-endian; the wire format is little-endian",
   unreadableSamples: (at: Value, found: Value) => `Samples could not be read: at byte ${at}, ${found}.`,
 };
+
+/** What a text is filled with. */
+export type Value = string | number;

@@ -1,5 +1,5 @@
 /** Texts of workspaces. */
-import type { Value } from "./plural";
+import type { Value } from "./wire";
 
 export const TEXT = {
   sheet: "Workspace",

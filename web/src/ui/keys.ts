@@ -5,8 +5,33 @@
  * place (`event.code`), because with Shift they type something else on every layout. A key with Ctrl, Alt or Meta belongs to
  * the browser and is left alone.
  */
-import { type ExtensionPress, fromExtensions } from "../extension";
+import { fromExtensions } from "../extension";
+import type { App } from "../page/context";
 import { COMMON } from "../texts/common";
+
+export interface ExtensionPress {
+  readonly app: App;
+  readonly isShifted: boolean;
+}
+
+/** A key of Live and of open recordings. */
+export interface ExtensionKey {
+  /** A letter, in lower case. */
+  readonly key: string;
+  /** Its line in the list of keys: under this title, before the line of a key or at the end. */
+  readonly group: string;
+  readonly before?: string;
+  readonly what: string;
+  /** Whether the line has it with Shift too. */
+  readonly withShift?: boolean;
+  readonly press: (at: ExtensionPress) => void;
+}
+
+declare module "../extension" {
+  interface Extension {
+    readonly keys?: readonly ExtensionKey[];
+  }
+}
 
 export type KeyAction =
   | {

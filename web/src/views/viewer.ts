@@ -3,6 +3,13 @@ import type { FunctionComponent } from "preact";
 import type { ReplayController } from "../recordings/replay-controller";
 import type { IconName } from "../ui/icons";
 
+declare module "../extension" {
+  interface Extension {
+    /** Viewers that show devices or recordings in a frame. */
+    readonly viewers?: readonly Viewer[];
+  }
+}
+
 export interface Viewer {
   readonly id: string;
   /** The first in ascending order is opened first. */

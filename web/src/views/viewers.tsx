@@ -6,7 +6,8 @@
 import { type Signal, signal } from "@preact/signals";
 import { fromExtensions } from "../extension";
 import type { ReplayController } from "../recordings/replay-controller";
-import { type App, perApp } from "../pages/app-state";
+import { perApp } from "../pages/app-state";
+import type { App } from "../page/context";
 import { Button } from "../ui/button";
 import { IconButton } from "../ui/icon-button";
 import { shownRobot } from "../ui/server-place";

@@ -4,8 +4,8 @@
  */
 import { useEffect, useRef } from "preact/hooks";
 import { Slot } from "../extension";
-import type { App } from "../pages/app-state";
-import type { Deps } from "../panels/panel-context";
+import type { App } from "../page/context";
+import type { Deps } from "../page/context";
 import type { PanelDefinition } from "../panels/registry";
 import { Button } from "../ui/button";
 import { Select } from "../ui/choices";

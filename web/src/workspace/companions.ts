@@ -5,10 +5,23 @@
  *     {"format": "imuscope-workspace", "version": 1, "parts": {…}, "KEY": …}
  */
 import type { Signal } from "@preact/signals";
-import type { Deps } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import type { DeviceInfo } from "../wire/types";
-import type { Json } from "./parts";
+import type { Json } from "../data/json";
 import type { WorkspaceSession } from "./session";
+
+declare module "../extension" {
+  interface Slots {
+    /** Over the lists of panels, while they are arranged. */
+    readonly workspaceSheet: Pick<CompanionProps, "session" | "deps">;
+    /** Under the stored workspaces: what the last one brought besides the view. */
+    readonly workspaceCompanions: CompanionProps;
+  }
+  interface Extension {
+    /** What travels with a workspace. */
+    readonly companions?: readonly Companion[];
+  }
+}
 
 export interface Companion {
   /** Unique; its name in files, so it never changes. */

@@ -1,6 +1,7 @@
 /** The part of a workspace with the plots that the user put together, as the words of a link (signals/custom-plots.ts). */
 import { plotsOfWords, plotWord } from "../signals/custom-plots";
-import { isKeys, registerPart } from "./parts";
+import { registerPart } from "./parts";
+import { isKeys } from "../data/json";
 
 registerPart<readonly string[]>({
   key: "customPlots",

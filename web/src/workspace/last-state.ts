@@ -4,9 +4,19 @@
  */
 import { effect } from "@preact/signals";
 import { fromExtensions } from "../extension";
-import type { App } from "../pages/app-state";
+import type { App } from "../page/context";
 import { withoutMoment, workspaceOf } from "./parts";
-import { sessionOf } from "./session";
+import { sessionOf, type WorkspaceSession } from "./session";
+
+/** Shows what it has for a family, as long as nothing was changed meanwhile. */
+export type WorkspaceDefault = (session: WorkspaceSession, family: string, isUntouched: () => boolean) => Promise<void>;
+
+declare module "../extension" {
+  interface Extension {
+    /** What a page opens with for a family, if neither its address nor this browser says anything. */
+    readonly workspaceDefaults?: readonly WorkspaceDefault[];
+  }
+}
 
 const KEY = "imuscope.workspace.";
 /** Interval at which the state is stored, ms. */

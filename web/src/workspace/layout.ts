@@ -3,7 +3,7 @@
  * the next; all are pure. A layout holds only what a person chose, so that a new panel, and one that a device has later, gets its
  * default place.
  */
-import { isKeys, isNumber, isObject, type Json, type JsonObject } from "./parts";
+import { isKeys, isNumber, isObject, type Json, type JsonObject } from "../data/json";
 
 /** The middle of the page, the side column, and the scrolling part of that column. */
 export type Area = "main" | "side" | "below";

@@ -1,8 +1,8 @@
 /** The middle of the page: attitude, plots, and whatever else was put there, in the order of the layout. */
 import { type ComponentChildren, Fragment } from "preact";
 import { useRef } from "preact/hooks";
-import type { App } from "../pages/app-state";
-import type { Deps } from "../panels/panel-context";
+import type { App } from "../page/context";
+import type { Deps } from "../page/context";
 import type { PanelDefinition } from "../panels/registry";
 import type { Panel } from "../ui/dom";
 import { PanelHost } from "../ui/panel-host";

@@ -1,6 +1,6 @@
 /** The panels of a view as its layout has them. */
 import { arrangedPanels, type PanelDefinition } from "../panels/registry";
-import type { Deps } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { COMMON } from "../texts/common";
 import { type Area, inArea } from "./layout";
 

@@ -9,14 +9,10 @@
  * at its default, so that a workspace holds only what a person changed. A workspace may come from another version, another device or
  * an editor: what is unknown or broken is left out and said, and the rest is applied.
  */
+import { type Json, type JsonObject, isObject } from "../data/json";
 import type { Signal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
 import { TEXT } from "../texts/workspace";
-
-export type Json = null | boolean | number | string | readonly Json[] | JsonObject;
-export interface JsonObject {
-  readonly [key: string]: Json;
-}
 
 /** The state that parts read and write: of Live, or of an open recording. */
 export interface WorkspaceView {
@@ -147,26 +143,4 @@ export function applyWorkspace(
     else if (state !== undefined || part.isMoment !== true) part.write(view, state);
   }
   return problems;
-}
-
-export function isObject(json: unknown): json is JsonObject {
-  return typeof json === "object" && json !== null && !Array.isArray(json);
-}
-
-/** A finite number within its limits. */
-export function isNumber(json: Json | undefined, least = -Infinity, greatest = Infinity): json is number {
-  return typeof json === "number" && Number.isFinite(json) && json >= least && json <= greatest;
-}
-
-/** Most keys in a list, and characters in each: more than any device has. */
-const [MAX_KEYS, MAX_KEY] = [2000, 400];
-
-/** A list of different keys. */
-export function isKeys(json: Json | undefined): json is readonly string[] {
-  return (
-    Array.isArray(json) &&
-    json.length <= MAX_KEYS &&
-    json.every((key) => typeof key === "string" && key.length > 0 && key.length <= MAX_KEY) &&
-    new Set(json).size === json.length
-  );
 }

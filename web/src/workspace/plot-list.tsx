@@ -1,7 +1,7 @@
 /** The plots in the list of the workspace: moved, made taller or lower, and given their height back, by keyboard or touch as well. */
-import type { Deps } from "../panels/panel-context";
+import type { Deps } from "../page/context";
 import { heightOf, movedTo, PLOT_HEIGHT, withHeight } from "../plots/plot-order";
-import type { PlotSpec } from "../plots/plot-selection";
+import type { PlotSpec } from "../data/view";
 import { Button } from "../ui/button";
 import { IconButton } from "../ui/icon-button";
 import type { IconName } from "../ui/icons";

@@ -1,7 +1,8 @@
 /** The part of a workspace with the order of the plots and their heights. */
 import { DEFAULT_ORDER, PLOT_HEIGHT } from "../plots/plot-order";
-import type { PlotOrder } from "../data/view-state";
-import { isKeys, isNumber, isObject, type Json, type JsonObject, registerPart } from "./parts";
+import type { PlotOrder } from "../data/view";
+import { registerPart } from "./parts";
+import { isKeys, isNumber, isObject, type Json, type JsonObject } from "../data/json";
 
 function isOrder(json: Json): json is JsonObject {
   if (!isObject(json) || Object.keys(json).length === 0) return false;

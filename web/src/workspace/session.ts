@@ -1,7 +1,8 @@
 /** What a page does with its workspace: arranging, undo, maximising. One for each view. */
 import { type Signal, signal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
-import { type App, perApp } from "../pages/app-state";
+import { perApp } from "../pages/app-state";
+import type { App } from "../page/context";
 import "./all";
 import { WorkspaceHistory } from "./history";
 import { type Layout, maximise } from "./layout";

@@ -2,7 +2,7 @@
 import type { RefObject } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { ViewState } from "../data/view-state";
-import type { App } from "../pages/app-state";
+import type { App } from "../page/context";
 import { listenForDoubleClicks, listenForWorkspaceKeys } from "./keys";
 import type { WorkspaceView } from "./parts";
 import { followWorkspace, sessionOf } from "./session";

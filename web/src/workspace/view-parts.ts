@@ -3,7 +3,8 @@ import type { WorldFrame } from "../data/rotations";
 import { LONGEST, SHORTEST } from "../data/view-actions";
 import { seriesOf, takeSeries } from "../recordings/permalink";
 import { DEFAULT_LAYOUT, layoutJson, layoutOf } from "./layout";
-import { isKeys, isNumber, isObject, type Json, type JsonObject, registerPart } from "./parts";
+import { registerPart } from "./parts";
+import { isKeys, isNumber, isObject, type Json, type JsonObject } from "../data/json";
 
 /** Times within a workspace: from 1970 to the year 5138, unix s. */
 const [FIRST, LAST] = [0, 1e11];

@@ -1,6 +1,7 @@
 /** The part of a workspace with the chosen y axes: by plot key a range, and whether it is logarithmic. */
-import type { YAxis } from "../data/view-state";
-import { isNumber, isObject, type Json, type JsonObject, registerPart } from "./parts";
+import type { YAxis } from "../data/view";
+import { registerPart } from "./parts";
+import { isNumber, isObject, type Json, type JsonObject } from "../data/json";
 
 const LARGEST = 1e15;
 

@@ -1,7 +1,8 @@
 /** The form of an alarm: added or changed, with mistakes marked where they are. */
 import { batch, type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { type Deps, selected } from "../../panels/panel-context";
+import { selected } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { Button } from "../../ui/button";
 import { OptionList, Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
@@ -14,7 +15,7 @@ import type { ChannelInfo, DeviceInfo } from "../../wire/types";
 import { ANY, definitionOf, fieldsOf, lastingName, alarmName, type AlarmFields, type HealthFigure } from "./fields";
 import { PreviewNote, type PreviewPlace } from "./preview";
 import { NumberField, RecordingChoice } from "./recording-choice";
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { COMMON } from "../../texts/common";
 import { alarmList, draftOf } from "./list";
 import { TEXT } from "./texts";

@@ -1,6 +1,6 @@
 /** The list of alarms, kept up to date. */
 import { effect } from "@preact/signals";
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { request } from "../../ui/http";
 import { alarmList } from "./list";
 import { notifyRaised } from "./notices";

@@ -1,11 +1,7 @@
 /** Alarms: conditions that the server watches, with their list, their form, and their marks on plots and devices. */
-import {
-  type DeviceActionProps,
-  type LiveDialogProps,
-  type RecordingDialogProps,
-  registerExtension,
-  type Slots,
-} from "../../extension";
+import { registerExtension, type Slots } from "../../extension";
+import type { DeviceActionProps, LiveDialogProps } from "../../page/context";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { readingAt } from "../../panels/cursor-time";
 import { reading } from "../../panels/panel-context";
 import { Button } from "../../ui/button";

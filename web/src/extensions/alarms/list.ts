@@ -1,8 +1,9 @@
 /** The alarms of the server, with their states, and the form of one. */
 import { signal } from "@preact/signals";
 import type { Store } from "../../data/store";
-import { type App, madeFor } from "../../pages/app-state";
-import type { Openers } from "../../panels/panel-context";
+import { madeFor } from "../../pages/app-state";
+import type { App } from "../../page/context";
+import type { Openers } from "../../page/context";
 import type { AlarmInfo } from "../../wire/routes";
 import type { AlarmDraft } from "./states";
 

@@ -8,7 +8,7 @@ import type { Panel } from "../../ui/dom";
 import type { AlarmInfo, AlarmState } from "../../wire/routes";
 import { alarmMark, type AlarmOnDevice, alarmsOf, conditionText, idleAlarms, valueText } from "./states";
 import { type NoticeState, noticeState, switchNotices } from "./notices";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { storedName, storeName } from "../../ui/person-name";
 import { COMMON } from "../../texts/common";
 import { renderedPanel } from "../../ui/panel-host";

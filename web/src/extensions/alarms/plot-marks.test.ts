@@ -6,7 +6,7 @@ import type { EventInfo } from "../../wire/types";
 import { eventInfo } from "../../testing/fixtures";
 import { alarmMarks, drawAlarms, spansByPlot, subjectsOf } from "./plot-marks";
 import type { Palette } from "../../plots/canvas-style";
-import type { PlotSpec } from "../../plots/plot-selection";
+import type { PlotSpec } from "../../data/view";
 import type { TimeWindow } from "../../plots/time-window";
 
 const COLUMNS = ["x", "y", "z"].map((name) => ({ name }));

@@ -10,7 +10,7 @@ import type { ViewState } from "../../data/view-state";
 import type { AlarmInfo } from "../../wire/routes";
 import type { EventInfo } from "../../wire/types";
 import { fitting, type Palette, setFont } from "../../plots/canvas-style";
-import type { PlotSpec } from "../../plots/plot-selection";
+import type { PlotSpec } from "../../data/view";
 import type { MarkedPlot, PlotMarks } from "../../plots/plot-additions";
 import { xOf, type TimeWindow } from "../../plots/time-window";
 

@@ -10,7 +10,7 @@ import type { DeviceInfo } from "../../wire/types";
 import { signal } from "@preact/signals";
 import { madeFor } from "../../pages/app-state";
 import type { Companion } from "../../workspace/companions";
-import { isObject, type Json } from "../../workspace/parts";
+import { isObject, type Json } from "../../data/json";
 import type { WorkspaceSession } from "../../workspace/session";
 import { TEXT } from "./texts";
 

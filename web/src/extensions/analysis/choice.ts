@@ -1,6 +1,7 @@
 /** What of an analysis a person chooses, with its defaults. A panel's choice is part of the workspace, that of the dialog is its own. */
 import { type ReadonlySignal, useComputed, useSignal } from "@preact/signals";
-import type { AnalysisChoice, AnalysisPanel, ViewState } from "../../data/view-state";
+import type { ViewState } from "../../data/view-state";
+import type { AnalysisChoice, AnalysisPanel } from "../../data/view";
 import { inertialNames, type Name, type RangeName } from "./figures";
 
 export const WINDOWS = ["hann", "hamming", "blackmanharris", "flattop", "boxcar"] as const;

@@ -5,7 +5,7 @@ import { fireEvent, render, screen, waitFor, within } from "@testing-library/pre
 import { expect, test, vi } from "vitest";
 import type { Channel } from "../../data/channels";
 import { createViewState } from "../../data/view-state";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { answering, type Asked } from "../../testing/recorded";
 import type { SignalFigures } from "../../wire/routes";
 import { AnalysisDialog } from "./dialog";

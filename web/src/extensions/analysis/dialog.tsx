@@ -1,8 +1,8 @@
 /** The analysis dialog: spectrum, Allan deviation or statistics of a signal or an expression, over a range of the view. */
 import { type Signal, useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useId, useMemo } from "preact/hooks";
-import type { AnalysisPanel } from "../../data/view-state";
-import type { Deps } from "../../panels/panel-context";
+import type { AnalysisPanel } from "../../data/view";
+import type { Deps } from "../../page/context";
 import { Segmented, Select } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";

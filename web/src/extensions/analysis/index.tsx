@@ -1,13 +1,10 @@
 /** Analysis of signals: spectrum, spectrogram, Allan deviation; and comparing two devices or recordings. */
-import {
-  BAR_CLASS,
-  type ExtensionPress,
-  type LiveDialogProps,
-  type RecordingDialogProps,
-  registerExtension,
-  type Slots,
-} from "../../extension";
-import type { App } from "../../pages/app-state";
+import { registerExtension, type Slots } from "../../extension";
+import { BAR_CLASS } from "../../pages/top-bar";
+import type { ExtensionPress } from "../../ui/keys";
+import type { LiveDialogProps } from "../../page/context";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
+import type { App } from "../../page/context";
 import { recordingTitle } from "../../recordings/library-filter";
 import { Button } from "../../ui/button";
 import { IconButton } from "../../ui/icon-button";

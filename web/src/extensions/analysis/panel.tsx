@@ -1,6 +1,7 @@
 /** An analysis as a panel: beside the plots, as long as it is wanted. Its code is fetched when it is first shown. */
-import type { AnalysisPanel } from "../../data/view-state";
-import { type Deps, selected } from "../../panels/panel-context";
+import type { AnalysisPanel } from "../../data/view";
+import { selected } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import type { PanelDefinition } from "../../panels/registry";
 import { late } from "../../ui/late";
 import { renderedPanel } from "../../ui/panel-host";

@@ -2,7 +2,7 @@
 import { type ReadonlySignal, useSignal } from "@preact/signals";
 import type { RefObject } from "preact";
 import { useLayoutEffect, useMemo, useRef } from "preact/hooks";
-import type { View } from "../../data/view-state";
+import type { View } from "../../data/view";
 import { tickLabel, timeGrid, timeStep } from "../../plots/axis";
 import { palette } from "../../plots/canvas-style";
 import { timeWindow, type TimeWindow } from "../../plots/time-window";

@@ -1,5 +1,6 @@
 /** Texts of the analysis dialog. */
-import { count, type Value } from "../../texts/plural";
+import { count } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   key: "Analysis: spectrum, Allan deviation, statistics",

@@ -1,7 +1,8 @@
 /** The part of a workspace with what the panels of one analysis each show: spectrum, spectrogram, Allan deviation. */
-import type { AnalysisChoice, AnalysisPanel } from "../../data/view-state";
+import type { AnalysisChoice, AnalysisPanel } from "../../data/view";
 import { LENGTHS, WINDOWS } from "./choice";
-import { areChoices, choicesJson, isObject, type Json, type JsonObject, registerPart } from "../../workspace/parts";
+import { areChoices, choicesJson, registerPart } from "../../workspace/parts";
+import { isObject, type Json, type JsonObject } from "../../data/json";
 
 const PANELS: readonly AnalysisPanel[] = ["allan", "psd", "spectrogram"];
 /** Longest list of signals, characters. */

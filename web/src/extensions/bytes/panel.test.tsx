@@ -4,7 +4,7 @@ import { signal } from "@preact/signals";
 import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { afterEach, expect, test, vi } from "vitest";
 import { createViewState } from "../../data/view-state";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { answering } from "../../testing/recorded";
 import type { Panel } from "../../ui/dom";
 import type { PacketInfo, PacketView } from "../../wire/routes";

@@ -5,7 +5,8 @@
 import { type Signal, signal } from "@preact/signals";
 import { render } from "preact";
 import { spaced } from "../../forms/frame-chips";
-import { ageOf, type Deps, reading, selected } from "../../panels/panel-context";
+import { ageOf, reading, selected } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { Button } from "../../ui/button";
 import { type Panel, throttle } from "../../ui/dom";
 import { clock, number } from "../../ui/format";

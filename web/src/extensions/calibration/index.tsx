@@ -1,5 +1,6 @@
 /** Calibration of a live device, with a coach. */
-import { type DeviceActionProps, type LiveDialogProps, registerExtension } from "../../extension";
+import { registerExtension } from "../../extension";
+import type { DeviceActionProps, LiveDialogProps } from "../../page/context";
 import { Button } from "../../ui/button";
 import { late } from "../../ui/late";
 import { TEXT } from "./texts";

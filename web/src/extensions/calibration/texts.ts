@@ -1,5 +1,5 @@
 /** Texts of the calibration coach. */
-import type { Value } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   calibrate: "Calibrate",

@@ -9,7 +9,7 @@ import { Segmented } from "../../ui/choices";
 import { Dialog } from "../../ui/dialog";
 import type { HttpProblem } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { evidencePlots } from "./plots";
 import { Jobs } from "../../pages/recordings/export-jobs";
 import { TEXT } from "./texts";

@@ -1,6 +1,7 @@
 /** Evidence: what is on screen as one file that opens without a network. */
-import { BAR_CLASS, registerExtension, type Slots } from "../../extension";
-import type { App } from "../../pages/app-state";
+import { registerExtension, type Slots } from "../../extension";
+import { BAR_CLASS } from "../../pages/top-bar";
+import type { App } from "../../page/context";
 import { Button } from "../../ui/button";
 import { IconButton } from "../../ui/icon-button";
 import { late } from "../../ui/late";

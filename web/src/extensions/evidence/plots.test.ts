@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { ViewState } from "../../data/view-state";
 import type { FigureSource } from "../../measure/figure-source";
-import type { PlotSpec } from "../../plots/plot-selection";
+import type { PlotSpec } from "../../data/view";
 import { evidencePlots } from "./plots";
 
 const column = (name: string) => ({ name, period: 0, unit: "", label: "", bits: [], choices: {} });

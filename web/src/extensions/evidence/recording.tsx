@@ -1,5 +1,5 @@
 /** Evidence of an open recording. */
-import type { RecordingDialogProps } from "../../extension";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { recordingTitle } from "../../recordings/library-filter";
 import { EvidenceDialog } from "./dialog";
 import { TEXT } from "./texts";

@@ -1,6 +1,7 @@
 /** Signals that are computed from others by an expression: made, edited and removed in the tree of signals. */
-import { type LiveDialogProps, registerExtension, type Slots } from "../../extension";
-import type { Deps } from "../../panels/panel-context";
+import { registerExtension, type Slots } from "../../extension";
+import type { LiveDialogProps } from "../../page/context";
+import type { Deps } from "../../page/context";
 import { added } from "../../signals/custom-plots";
 import { isComputed } from "../../signals/names";
 import { Button } from "../../ui/button";

@@ -1,7 +1,7 @@
 /** The form of a computed signal: its expression with a preview of the last seconds, its name, and what is wrong with it. */
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { Button } from "../../ui/button";
 import { Dialog } from "../../ui/dialog";
 import { type HttpProblem, request } from "../../ui/http";

@@ -1,5 +1,5 @@
 /** Texts of computed signals. */
-import type { Value } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   newSignal: "New signal",

@@ -5,7 +5,7 @@
  */
 import { effect } from "@preact/signals";
 import { render } from "preact";
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { type Coming, libraryOf } from "../../pages/recordings/library-store";
 import { route } from "../../pages/route";
 import { request } from "../../ui/http";

@@ -1,5 +1,6 @@
 /** Dialogs that a figure of loss, gap or jitter leads to: the clocks of a stream, or of the recording in the player. */
-import type { LiveDialogProps, RecordingDialogProps } from "../../extension";
+import type { LiveDialogProps } from "../../page/context";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { Dialog } from "../../ui/dialog";
 import { ClocksPanel } from "./panel";
 import { StreamPanel } from "./stream";

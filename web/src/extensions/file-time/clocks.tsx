@@ -1,6 +1,6 @@
 /** All clocks of a message with their figures and steps, drawn over the length of the file or of the memory of a stream. */
 import { TableHead } from "../../ui/table-head";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { Button } from "../../ui/button";
 import { number, rate as rateText, signed, clock as timeOfDay } from "../../ui/format";
 import type { FileClock, FileTime, MessageClocks } from "../../wire/routes";

@@ -2,7 +2,7 @@
  * Makes links of the figures on loss, gaps and jitter, wherever the page shows them: elements with `data-about="time"`, and the lines of
  * events of those kinds. They lead to the clocks of the device, or of the recording in the player.
  */
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { href } from "../../pages/route";
 import { el } from "../../ui/dom";
 import { TEXT } from "./texts";

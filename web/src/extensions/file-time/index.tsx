@@ -3,8 +3,9 @@
  * of loss or jitter; and the dialog of tables, which comes by itself where a table can be read in more than one way.
  */
 import { effect } from "@preact/signals";
-import { type DeviceActionProps, registerExtension } from "../../extension";
-import type { App } from "../../pages/app-state";
+import { registerExtension } from "../../extension";
+import type { DeviceActionProps } from "../../page/context";
+import type { App } from "../../page/context";
 import { route } from "../../pages/route";
 import { Button } from "../../ui/button";
 import { late } from "../../ui/late";

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { FileClock, FileTime } from "../../wire/routes";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { Button } from "../../ui/button";
 import type { Panel } from "../../ui/dom";
 import { type HttpProblem, request } from "../../ui/http";

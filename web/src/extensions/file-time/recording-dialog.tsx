@@ -1,5 +1,5 @@
 /** The dialog of the table that is open. */
-import type { RecordingDialogProps } from "../../extension";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import type { FileTime } from "../../wire/routes";
 import { ReadingDialog } from "./reading-dialog";
 import { reopen } from "./reopen";

@@ -1,7 +1,7 @@
 /** The panel of a live device: the clocks of its stream over the bytes in memory, measured when it is shown and on request. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { Button } from "../../ui/button";
 import type { Panel } from "../../ui/dom";
 import { type HttpProblem, request } from "../../ui/http";

@@ -1,5 +1,6 @@
 /** Texts of the panel with the clocks of a file, and of the dialog of a table. */
-import { count, type Value } from "../../texts/plural";
+import { count } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   title: "Time of this file",

@@ -1,6 +1,6 @@
 /** A fleet: its robots, questions about a store of recordings, and the way back from a robot's page. */
 import { registerExtension } from "../../extension";
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { LivePage } from "../../pages/live";
 import { late } from "../../ui/late";
 import { askServerKind, serverKind } from "./server-kind";

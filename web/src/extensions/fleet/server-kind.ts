@@ -1,6 +1,7 @@
 /** Whether the server is that of a fleet, whose page opens with its robots, and whether it answers questions about a store. */
 import { signal } from "@preact/signals";
-import { type App, perApp } from "../../pages/app-state";
+import { perApp } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { go } from "../../pages/route";
 import { request } from "../../ui/http";
 

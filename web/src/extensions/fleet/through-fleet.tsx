@@ -1,5 +1,5 @@
 /** The band of a robot's page at its fleet server: which robot, how far away, and the way back. */
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { number } from "../../ui/format";
 import { fleetRoot, shownRobot } from "../../ui/server-place";
 import { TEXT } from "./texts";

@@ -1,6 +1,6 @@
 /** What a histogram is of: the columns that were chosen, or those of the quantity that a person most likely wants to see. */
 import type { Channel } from "../../data/channels";
-import type { HistogramChoice } from "../../data/view-state";
+import type { HistogramChoice } from "../../data/view";
 import { type Found, plottable, unitOf } from "../../signals/custom-plots";
 
 /** Noise is looked for in these, best first. */

@@ -1,7 +1,8 @@
 /** The choices of the histogram: quantity, signals, range, scale, bins, and the values shown. */
 import { Button } from "../../ui/button";
 import type { Channel } from "../../data/channels";
-import type { HistogramChoice, ViewState } from "../../data/view-state";
+import type { ViewState } from "../../data/view-state";
+import type { HistogramChoice } from "../../data/view";
 import { plottable } from "../../signals/custom-plots";
 import { ChartTools, Pair, RangeChoice, ChartSelect } from "../../charts/tools";
 import { chosenSignals } from "./choice";

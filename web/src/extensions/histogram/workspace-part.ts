@@ -1,7 +1,8 @@
 /** The part of a workspace with the choices of the histogram. */
-import type { HistogramChoice } from "../../data/view-state";
+import type { HistogramChoice } from "../../data/view";
 import { BINS, SIGMAS } from "./limits";
-import { isKeys, isNumber, registerChoices } from "../../workspace/parts";
+import { registerChoices } from "../../workspace/parts";
+import { isKeys, isNumber } from "../../data/json";
 
 registerChoices<HistogramChoice>("histogram", ({ histogram }) => histogram, {
   channel: (json) => isKeys([json]),

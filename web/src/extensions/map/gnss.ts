@@ -1,5 +1,6 @@
 /** GNSS cell: fix, satellites, position, accuracy, age and the track of the window; shown if the device sends a position. */
-import { channelsOf, type Deps, reading, sampleAt } from "../../panels/panel-context";
+import { channelsOf, reading, sampleAt } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { surface } from "../../ui/canvas";
 import { el, throttle, LiveText, type Panel, unit } from "../../ui/dom";
 import { age, geographic, NONE, number } from "../../ui/format";

@@ -1,7 +1,10 @@
 /** The track, enlarged over a map: in a dialog, or as a panel that is hidden until a person shows it. */
 import { positionOf } from "./position";
-import { type LiveDialogProps, type RecordingDialogProps, registerExtension } from "../../extension";
-import { channelsOf, type Deps } from "../../panels/panel-context";
+import { registerExtension } from "../../extension";
+import type { LiveDialogProps } from "../../page/context";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
+import { channelsOf } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { COMMON } from "../../texts/common";
 import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";

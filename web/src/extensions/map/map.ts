@@ -3,7 +3,8 @@
  * + − 0 by keyboard. It follows the window until the user moves it; `Fit` makes it follow again. With a configured tile server a
  * map lies under it, which can be switched off.
  */
-import { channelsOf, type Deps, reading, sampleAt } from "../../panels/panel-context";
+import { channelsOf, reading, sampleAt } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { type Surface, surface } from "../../ui/canvas";
 import { el, throttle, LiveText, type Panel } from "../../ui/dom";
 import { geographic, NONE } from "../../ui/format";

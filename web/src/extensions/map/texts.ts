@@ -1,5 +1,5 @@
 /** Texts of the enlarged track and its map. */
-import type { Value } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   track: "Track",

@@ -5,7 +5,7 @@
  */
 import type { Ring } from "../../data/ring-buffer";
 import { statsOf } from "../../data/statistics";
-import type { TimeBase } from "../../data/view-state";
+import type { TimeBase } from "../../data/view";
 
 export interface RangeFigures {
   readonly n: number;

@@ -1,7 +1,7 @@
 import { expect, it, vi } from "vitest";
 import { frameChange } from "../../data/frames";
 import { Ring } from "../../data/ring-buffer";
-import type { Series } from "../../plots/plot-selection";
+import type { Series } from "../../data/view";
 import { CHANNELS } from "../../testing/synthetic";
 import type { HttpProblem } from "../../ui/http";
 import type { AnalysisRequest } from "../../wire/routes";

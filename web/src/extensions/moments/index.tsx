@@ -1,5 +1,6 @@
 /** Going to a moment: a time, or the next and previous place of a kind. */
-import { type ExtensionPress, registerExtension } from "../../extension";
+import { registerExtension } from "../../extension";
+import type { ExtensionPress } from "../../ui/keys";
 import { COMMON } from "../../texts/common";
 import { GoTo } from "./go-to";
 import { openGoTo, stepPlace } from "./state";

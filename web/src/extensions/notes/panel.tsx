@@ -1,7 +1,7 @@
 /** Notes of a recording: a text whose times lead into the plots. Stored with the recording; on Live with the running one. */
 import { useComputed, useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { recordingsApi } from "../../recordings/api";
 import { Button } from "../../ui/button";
 import type { Panel } from "../../ui/dom";

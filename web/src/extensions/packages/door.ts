@@ -4,8 +4,9 @@
  *
  *     export default function (door) { door.addPanel({ id: "total/samples", title: "Samples", mount(host, view) { … } }); }
  */
-import type { App } from "../../pages/app-state";
-import { channelsOf, type Deps, reading, sampleAt, selected } from "../../panels/panel-context";
+import type { App } from "../../page/context";
+import { channelsOf, reading, sampleAt, selected } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { type PanelPlace, registerPanel } from "../../panels/registry";
 import type { Panel } from "../../ui/dom";
 import { request } from "../../ui/http";

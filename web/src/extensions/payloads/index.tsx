@@ -1,5 +1,6 @@
 /** Payloads that nobody described: their bytes, and the form that defines them. */
-import { type LiveDialogProps, registerExtension } from "../../extension";
+import { registerExtension } from "../../extension";
+import type { LiveDialogProps } from "../../page/context";
 import { late } from "../../ui/late";
 import { latePanel } from "../../ui/late-panel";
 import type { UnknownPayload } from "../../wire/types";

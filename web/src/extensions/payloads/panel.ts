@@ -6,7 +6,8 @@ import { el, throttle, LiveText, type Panel } from "../../ui/dom";
 import { number } from "../../ui/format";
 import { protocolOf } from "../../wire/capabilities";
 import type { UnknownPayload } from "../../wire/types";
-import { type Deps, selected } from "../../panels/panel-context";
+import { selected } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { hexBytes, type HexLine, hexLines, type Run } from "./hex";
 import { COMMON } from "../../texts/common";
 

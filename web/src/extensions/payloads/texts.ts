@@ -1,5 +1,5 @@
 /** Texts of payloads without a description. */
-import type { Value } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   newestPayload: (name: Value) => `Newest payload ${name}: offset, bytes, characters`,

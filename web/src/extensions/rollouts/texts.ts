@@ -1,5 +1,6 @@
 /** Texts of one profile for several devices. */
-import { count, type Value } from "../../texts/plural";
+import { count } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   unknown: "The server was started again before the result was known.",

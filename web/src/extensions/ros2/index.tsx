@@ -1,5 +1,6 @@
 /** ROS 2: the topics of a device. */
-import { type DeviceActionProps, registerExtension } from "../../extension";
+import { registerExtension } from "../../extension";
+import type { DeviceActionProps } from "../../page/context";
 import { Button } from "../../ui/button";
 import { late } from "../../ui/late";
 import { TEXT } from "./texts";

@@ -1,5 +1,6 @@
 /** Texts of the dialog of ROS 2 topics. */
-import { count, type Value } from "../../texts/plural";
+import { count } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   ros: "ROS 2",

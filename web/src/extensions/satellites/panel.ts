@@ -4,7 +4,8 @@
  */
 import { el, throttle, LiveText, type Panel } from "../../ui/dom";
 import { number } from "../../ui/format";
-import { channelsOf, type Deps, reading, sampleAt } from "../../panels/panel-context";
+import { channelsOf, reading, sampleAt } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import {
   type Constellation,
   type Satellite,

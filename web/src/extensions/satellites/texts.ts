@@ -1,5 +1,5 @@
 /** Texts of the panel of satellites. */
-import type { Value } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   satellites: "Satellites",

@@ -5,7 +5,7 @@ import { expect, test } from "vitest";
 import { answering, type Asked } from "../../testing/recorded";
 import type { SharedPort } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { proposal, SharePort } from "./dialog";
 
 const ROUTE = "/api/devices/1/shares";

@@ -11,7 +11,7 @@ import { usePolled } from "../../ui/use-polled";
 import { fullName } from "../../wire/device-name";
 import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
-import type { App } from "../../pages/app-state";
+import type { App } from "../../page/context";
 import { COMMON } from "../../texts/common";
 
 import "./shares.css";

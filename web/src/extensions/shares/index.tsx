@@ -1,5 +1,6 @@
 /** Sharing the port of a device with other programs. */
-import { type DeviceActionProps, type LiveDialogProps, registerExtension } from "../../extension";
+import { registerExtension } from "../../extension";
+import type { DeviceActionProps, LiveDialogProps } from "../../page/context";
 
 import { Button } from "../../ui/button";
 import { late } from "../../ui/late";

@@ -1,5 +1,5 @@
 /** Texts of the traffic log. */
-import type { Value } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   bothDirections: "both ways",

@@ -2,7 +2,8 @@
 import { COMMON } from "../../texts/common";
 import type { Panel } from "../../ui/dom";
 import { late } from "../../ui/late";
-import { type Deps, reading, selected } from "../../panels/panel-context";
+import { reading, selected } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { renderedPanel } from "../../ui/panel-host";
 
 const LiveScene = late(async () => (await import("./scene-frame")).Begun);

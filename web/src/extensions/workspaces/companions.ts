@@ -1,7 +1,8 @@
 /** What travels with a workspace that is stored, exported or opened. */
 import { fromExtensions } from "../../extension";
 import type { DeviceInfo } from "../../wire/types";
-import { isObject, type Workspace } from "../../workspace/parts";
+import type { Workspace } from "../../workspace/parts";
+import { isObject } from "../../data/json";
 import type { WorkspaceSession } from "../../workspace/session";
 
 export interface Accompanied {

@@ -1,5 +1,5 @@
 /** Texts of stored workspaces. */
-import type { Value } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   chooseWorkspace: "Open a workspace…",

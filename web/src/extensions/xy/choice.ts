@@ -1,6 +1,6 @@
 /** The two signals of an XY plot: those that were chosen, or those that a device most likely has it for. */
 import type { Channel } from "../../data/channels";
-import type { ColumnName, XyChoice } from "../../data/view-state";
+import type { ColumnName, XyChoice } from "../../data/view";
 import { type Found, plottable, unitOf } from "../../signals/custom-plots";
 
 /** Channels whose first two axes show something over each other, best first. */

@@ -11,7 +11,7 @@
 import { lowerBound } from "../../data/line-breaks";
 import { wrapped } from "../../data/statistics";
 import type { Ring } from "../../data/ring-buffer";
-import type { TimeBase } from "../../data/view-state";
+import type { TimeBase } from "../../data/view";
 
 /** How the follower is read where it has no sample of that time. */
 export type Pairing = "interpolated" | "nearest";

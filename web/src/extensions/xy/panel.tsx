@@ -7,7 +7,8 @@
  */
 import { render } from "preact";
 import { extent, indexAt, NO_PAIRS, type PairedColumn, PairSeries, type Pairs } from "./pairs";
-import { channelsOf, type Deps } from "../../panels/panel-context";
+import { channelsOf } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { Scale } from "../../plots/scale";
 import { type Found, unitOf } from "../../signals/custom-plots";
 import { surface } from "../../ui/canvas";

@@ -1,5 +1,6 @@
 /** Texts of the XY plot. */
-import { count, type Value } from "../../texts/plural";
+import { count } from "../../texts/plural";
+import type { Value } from "../../texts/wire";
 
 export const TEXT = {
   title: "XY plot",

@@ -1,7 +1,9 @@
 /** The choices of the XY plot: both signals, range, time as colour or trail, lines or points, scale, and how signals are paired. */
 import { Button } from "../../ui/button";
-import type { ViewState, XyChoice } from "../../data/view-state";
-import { channelsOf, type Deps } from "../../panels/panel-context";
+import type { ViewState } from "../../data/view-state";
+import type { XyChoice } from "../../data/view";
+import { channelsOf } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import { type Found, unitOf } from "../../signals/custom-plots";
 import { SignalSelect } from "./signal-select";
 import { chosenPair, columnName, plottableOf } from "./choice";

@@ -20,6 +20,13 @@ import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
+declare module "../../extension" {
+  interface Slots {
+    /** Under the comparison of two states of a device. */
+    readonly comparisonActions: ComparisonActionProps;
+  }
+}
+
 /** The differences to write, by their keys, as far as they were chosen. */
 export type Take = Readonly<Record<string, boolean>>;
 const BY_DEFAULT: Take = {};

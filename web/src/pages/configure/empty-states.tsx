@@ -1,7 +1,7 @@
 /** Placeholders and bands of a form: reading, never read, lost, not permitted, no settings. */
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { describe } from "../../forms/elsewhere";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { ResumeButton } from "../empty-states";
 import type { Model } from "./model";
 import { linkTo, pauseOf, readAll, unfinishedOf } from "./view-state";

@@ -29,7 +29,7 @@ import { initials, joined, type Path, put, type FormValues, whereOf } from "../.
 import type { Outcome, HttpProblem } from "../../ui/http";
 import { fullName, linkName, writeName } from "../../wire/device-name";
 import type { DeviceJobs, DeviceInfo } from "../../wire/types";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { configureApi } from "./api";
 import { Previews } from "./previews";
 import { type ConfigureState, configureOf } from "./view-state";

@@ -2,7 +2,7 @@
 import { useEffect } from "preact/hooks";
 import { BudgetLine } from "../../forms/budget-bar";
 import { Button } from "../../ui/button";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { TopBar } from "../top-bar";
 import { route } from "../route";
 import { Empty, LinkedBand, OfflineBand, ProblemBand, Starting } from "../empty-states";

@@ -8,7 +8,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Store } from "../../data/store";
 import { fullName } from "../../wire/device-name";
 import type { PendingRollback } from "../../wire/types";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { type Model, modelOf } from "./model";
 import { configureOf } from "./view-state";
 import { Restore } from "./restore";

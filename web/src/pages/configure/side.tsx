@@ -2,9 +2,16 @@
 import { Slot } from "../../extension";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { StopJob } from "./jobs";
 import type { Model } from "./model";
+
+declare module "../../extension" {
+  interface Slots {
+    /** On the right of Configure; without a model there is no device. */
+    readonly configureSide: { readonly app: App; readonly model: Model | undefined };
+  }
+}
 
 export function ConfigureSide({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
   return (

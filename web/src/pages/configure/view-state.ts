@@ -1,5 +1,7 @@
 /** State of the Configure page beyond its models: level of detail, search, open question; and places in it. */
-import { type ConfigurePlace, fromExtensions } from "../../extension";
+import type { FunctionComponent } from "preact";
+import type { Forms } from "../../forms/types";
+import { fromExtensions } from "../../extension";
 import { signal } from "@preact/signals";
 import { perApp } from "../app-state";
 import { go, href } from "../route";
@@ -7,6 +9,23 @@ import type { CautionKind, SettingForm } from "../../forms/types";
 import { protocolOf } from "../../wire/capabilities";
 import type { Edits, Model } from "./model";
 import { TEXT } from "../../texts/configure";
+
+/** A place among the settings of a device, "#/configure/DEVICE/NAME" in the address. */
+export interface ConfigurePlace {
+  readonly name: string;
+  readonly title: string;
+  /** A word beside the title in the list. */
+  readonly note: string;
+  /** Whether the list leads to it. */
+  readonly applies: (forms: Forms) => boolean;
+  readonly View: FunctionComponent<{ readonly model: Model }>;
+}
+
+declare module "../../extension" {
+  interface Extension {
+    readonly configurePlaces?: readonly ConfigurePlace[];
+  }
+}
 
 /** A confirmation of possible harm. */
 export interface Question {

@@ -1,4 +1,5 @@
 /** One recording of the library: its content, the user's notes, and its actions. */
+import type { RecordingProps } from "./library";
 import { useSignal } from "@preact/signals";
 import {
   bytes,
@@ -21,7 +22,7 @@ import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { Hint } from "../../ui/card";
 import { Message } from "../../ui/message";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { Slot } from "../../extension";
 import { href } from "../route";
 import { exportingOf } from "./exporting";
@@ -32,6 +33,13 @@ import { isViewOnly } from "../../wire/capabilities";
 import { SimulatedTag } from "../../ui/simulated-tag";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
+
+declare module "../../extension" {
+  interface Slots {
+    /** Under the facts of a recording that is selected. */
+    readonly recordingDetails: RecordingProps;
+  }
+}
 
 export function RecordingDetails({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
   const library = libraryOf(app);

@@ -13,7 +13,7 @@ import type { HttpProblem } from "../../ui/http";
 import { ProblemNote } from "../../ui/problem-note";
 import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { Jobs } from "./export-jobs";
 import { type Exporting, exportingOf, type ExportRange } from "./exporting";
 import { COMMON } from "../../texts/common";

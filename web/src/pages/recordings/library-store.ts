@@ -5,7 +5,8 @@ import { type LibraryChoice, chosen, withReceiving } from "../../recordings/libr
 import { recordingsApi, upload } from "../../recordings/api";
 import type { EditRequest, RecordingInfo } from "../../recordings/types";
 import type { HttpProblem } from "../../ui/http";
-import { type App, perApp, run } from "../app-state";
+import { perApp, run } from "../app-state";
+import type { App } from "../../page/context";
 
 /** A file being uploaded. */
 export interface Coming {

@@ -19,7 +19,7 @@ import { IconButton } from "../../ui/icon-button";
 import { Icon } from "../../ui/icons";
 import { SearchField } from "../../ui/search-field";
 import { Message } from "../../ui/message";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { Slot } from "../../extension";
 import { TopBar } from "../top-bar";
 import { go, href } from "../route";
@@ -32,6 +32,18 @@ import { TableHead } from "../../ui/table-head";
 import { SimulatedTag } from "../../ui/simulated-tag";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
+
+export interface RecordingProps {
+  readonly app: App;
+  readonly info: RecordingInfo;
+}
+
+declare module "../../extension" {
+  interface Slots {
+    /** In the row of a recording, before its facts. */
+    readonly recordingRow: RecordingProps;
+  }
+}
 
 export function LibraryPage({ app }: { readonly app: App }) {
   const library = libraryOf(app);

@@ -10,7 +10,7 @@ import { isOpening } from "../../recordings/api";
 import type { OpeningState, RecordingDetail } from "../../recordings/types";
 import { Card } from "../../ui/card";
 import type { HttpProblem } from "../../ui/http";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { TopBar } from "../top-bar";
 import { href, route } from "../route";
 import { showReplay } from "../test-hook";

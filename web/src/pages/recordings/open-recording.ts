@@ -1,11 +1,30 @@
 /** An open recording on a page: its controller, and what is open over its plots. */
 import { type Signal, signal } from "@preact/signals";
-import type { Deps } from "../../panels/panel-context";
+import type { FunctionComponent } from "preact";
+import type { Deps } from "../../page/context";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { type LinkedPlace, placeHref } from "../../recordings/permalink";
 import { applyLinkText, linkTextOf } from "../../workspace/parts";
 import { sessionOf, type WorkspaceSession } from "../../workspace/session";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
+
+declare module "../../page/context" {
+  interface ExtensionDialog {
+    readonly Recording?: FunctionComponent<RecordingDialogProps>;
+  }
+}
+
+declare module "../../ui/keys" {
+  interface ExtensionPress {
+    /** The one it was pressed over; undefined on Live. */
+    readonly recording?: OpenRecording;
+  }
+}
+
+export interface RecordingDialogProps {
+  readonly recording: OpenRecording;
+  readonly onClose: () => void;
+}
 
 export interface OpenRecording {
   readonly replay: ReplayController;

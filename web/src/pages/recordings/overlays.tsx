@@ -1,6 +1,6 @@
 /** Overlays of Live and of the pages of recordings: the list of keys, a packet, and the export dialog. */
 import { Help } from "../../ui/help";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { LateExportDialog, LatePacket } from "../dialogs";
 import { exportingOf } from "./exporting";
 

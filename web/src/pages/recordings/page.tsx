@@ -1,5 +1,5 @@
 /** The Recordings page: the library, or an open recording. Loaded on first use. */
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { reopened, route } from "../route";
 import { LibraryPage } from "./library";
 import { OpenPage } from "./open-page";

@@ -7,7 +7,7 @@ import { mountStack } from "../../plots/plot-stack";
 import type { UnderPlots } from "../../plots/under-plots";
 import { readPlace } from "../../recordings/permalink";
 import { bytes, dateWords, length, recordingTitle } from "../../recordings/library-filter";
-import type { Deps } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { Band } from "../../ui/band";
 import type { Panel } from "../../ui/dom";
@@ -28,7 +28,7 @@ import { href, parse, route } from "../route";
 import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { listenForKeys } from "./keys";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { type OpenRecording, recordingHref, takeWorkspace } from "./open-recording";
 import { Markers } from "./markers";
 import { mountOverview } from "./overview-strip";
@@ -38,6 +38,15 @@ import { SettingsDialog, SettingsLine } from "./settings";
 import { Transport } from "./transport";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
+
+declare module "../../extension" {
+  interface Slots {
+    /** On a phone, the line over an open recording that opens other views of it. */
+    readonly recordingViews: { readonly recording: OpenRecording };
+    /** Over everything else of an open recording. */
+    readonly recordingOverlays: { readonly recording: OpenRecording };
+  }
+}
 
 export function ReplayPage({ recording }: { readonly recording: OpenRecording }) {
   const { replay, app } = recording;

@@ -6,12 +6,20 @@ import type { PlayRequest } from "../../recordings/types";
 import { Button } from "../../ui/button";
 import { copyText } from "../../ui/copy";
 import { Icon } from "../../ui/icons";
-import { type App, run, select } from "../app-state";
+import { run, select } from "../app-state";
+import type { App } from "../../page/context";
 import { go } from "../route";
 import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type ExportRange } from "./exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
+
+declare module "../../extension" {
+  interface Slots {
+    /** Actions of an open recording, beside its name. */
+    readonly recordingActions: { readonly recording: OpenRecording };
+  }
+}
 
 /** How long the last action is shown, ms. */
 const SAID_MS = 2500;

@@ -8,7 +8,7 @@ import { ReplayController } from "../../recordings/replay-controller";
 import { giveSizes, newApp, startOver } from "../../testing/live-page";
 import { answering, type Asked } from "../../testing/recorded";
 import { detailOf, recordingAnswers } from "../../testing/recordings";
-import type { App } from "../app-state";
+import type { App } from "../../page/context";
 import { openRecording } from "./open-recording";
 import { ReplayPage } from "./replay-page";
 

@@ -8,7 +8,7 @@ import { listName } from "../../../wire/device-name";
 import type { RecordingDetail, RecordingInfo } from "../../../recordings/types";
 import { type HttpProblem, request } from "../../../ui/http";
 import type { ComparedSide, ComparisonAnswer, ComparisonRequest } from "../../../wire/routes";
-import type { App } from "../../../pages/app-state";
+import type { App } from "../../../page/context";
 import { type ComparePlace, likelyOther, readComparison, requestedSide, type SideChoice } from "./sides";
 
 /** Polling interval while a recording is decoded for the first time, ms. */

@@ -4,7 +4,7 @@ import { signal } from "@preact/signals";
 import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { route } from "../../../pages/route";
-import type { App } from "../../../pages/app-state";
+import type { App } from "../../../page/context";
 import { answering, type Asked } from "../../../testing/recorded";
 import type { ComparisonAnswer } from "../../../wire/routes";
 import { CompareMain } from "./page";

@@ -3,7 +3,7 @@ import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import { figure } from "../../../charts/axes";
 import { TopBar } from "../../../pages/top-bar";
-import type { App } from "../../../pages/app-state";
+import type { App } from "../../../page/context";
 import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
 import { PageOverlays } from "../../../pages/recordings/overlays";
 import { route } from "../../../pages/route";

@@ -1,5 +1,6 @@
 /** Texts of the page that compares two sides. */
-import { count, type Value } from "../../../texts/plural";
+import { count } from "../../../texts/plural";
+import type { Value } from "../../../texts/wire";
 
 export const TEXT = {
   key: "Compare with another recording, device or range",

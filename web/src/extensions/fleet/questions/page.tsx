@@ -1,6 +1,6 @@
 /** The Questions page: SQL about the recordings of a store, and its answer as a table or a picture. Loaded on first use. */
 import { useEffect } from "preact/hooks";
-import type { App } from "../../../pages/app-state";
+import type { App } from "../../../page/context";
 import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
 import { go, route } from "../../../pages/route";
 import { TopBar } from "../../../pages/top-bar";

@@ -1,6 +1,7 @@
 /** State of the page of questions: the text, the question that runs, its answer, and what was asked before in this browser. */
 import { type Signal, signal } from "@preact/signals";
-import { type App, perApp } from "../../../pages/app-state";
+import { perApp } from "../../../pages/app-state";
+import type { App } from "../../../page/context";
 import { href } from "../../../pages/route";
 import { request, respond, type HttpProblem, UNREACHED } from "../../../ui/http";
 import type { PreparedQuestionInfo, QueryAnswer, QueryWords } from "../../../wire/routes";

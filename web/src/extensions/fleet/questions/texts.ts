@@ -1,5 +1,6 @@
 /** Texts of the page of questions about a store. */
-import { count, type Value } from "../../../texts/plural";
+import { count } from "../../../texts/plural";
+import type { Value } from "../../../texts/wire";
 
 export const TEXT = {
   questionsImuscope: "Questions · imuscope",

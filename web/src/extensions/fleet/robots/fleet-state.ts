@@ -1,6 +1,7 @@
 /** What the page of a fleet knows and shows: its robots, asked for each second, and their order on screen. */
 import { batch, computed, signal } from "@preact/signals";
-import { type App, perApp } from "../../../pages/app-state";
+import { perApp } from "../../../pages/app-state";
+import type { App } from "../../../page/context";
 import { route } from "../../../pages/route";
 import { isRefusal, type HttpProblem, request } from "../../../ui/http";
 import { type FleetPlace, fleetHref, readRobotPlace, START } from "./address";

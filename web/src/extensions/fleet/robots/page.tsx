@@ -1,7 +1,7 @@
 /** The page of a fleet: all robots at a glance, those that need somebody first. Loaded on a fleet server only. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect } from "preact/hooks";
-import type { App } from "../../../pages/app-state";
+import type { App } from "../../../page/context";
 import { ProblemBand } from "../../../pages/empty-states";
 import { TopBar } from "../../../pages/top-bar";
 import { Button } from "../../../ui/button";

@@ -1,5 +1,6 @@
 /** Texts of rollouts: the profile of a group, applied in waves. */
-import { count, type Value } from "../../../texts/plural";
+import { count } from "../../../texts/plural";
+import type { Value } from "../../../texts/wire";
 
 const groupWords = (group: string): string => (group === "" ? "the robots without a group" : `the group ${group}`);
 

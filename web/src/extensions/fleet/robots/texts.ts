@@ -1,5 +1,6 @@
 /** Texts of the fleet page. */
-import { count, plural, type Value } from "../../../texts/plural";
+import { count, plural } from "../../../texts/plural";
+import type { Value } from "../../../texts/wire";
 
 export const TEXT = {
   title: "Fleet · imuscope",

@@ -1,7 +1,7 @@
 /** The way of a recording to the store: a few words in the list, and the reason in its details. Nothing without a store. */
 import { useEffect } from "preact/hooks";
-import type { RecordingProps } from "../../../extension";
-import type { App } from "../../../pages/app-state";
+import type { RecordingProps } from "../../../pages/recordings/library";
+import type { App } from "../../../page/context";
 import { dateWords } from "../../../recordings/library-filter";
 import { TEXT as RECORDINGS } from "../../../texts/recordings";
 import { Hint } from "../../../ui/card";

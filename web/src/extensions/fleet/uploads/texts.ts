@@ -1,5 +1,5 @@
 /** Texts of uploads to the store. */
-import type { Value } from "../../../texts/plural";
+import type { Value } from "../../../texts/wire";
 
 export const TEXT = {
   store: "Store",
