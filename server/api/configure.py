@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import Depends, Query, Response
@@ -104,7 +105,7 @@ async def read_settings(body: ReadRequest, controller: OneController, controller
     titles = [controller.rows[name].title or name for name in body.settings or ()]
     title = "Read all settings" if not titles else f"Read {', '.join(titles[:MAX_TITLES])}"
     title += f" and {len(titles) - MAX_TITLES} more" * (len(titles) > MAX_TITLES)
-    return controller.add(title, controllers.jobs.read(controller, body.settings, body.reason)).job
+    return controller.add(title, partial(controllers.jobs.read, names=body.settings, reason=body.reason)).job
 
 
 @router.get("/health", responses=responses(404, 409, 422))
@@ -151,8 +152,12 @@ async def apply(
     tasks = [
         one.add(
             request.title,
-            controllers.jobs.apply(
-                *(one, request.values, body.reason, base if one is controller else None, request.current),
+            partial(
+                controllers.jobs.apply,
+                changes=request.values,
+                reason=body.reason,
+                base=base if one is controller else None,
+                held=request.current,
                 confirm_s=body.confirm_s,
                 sensor=sensors[one.device],
             ),
@@ -179,11 +184,16 @@ async def run(
     reads_first = request.setting or request.changes
     confirmed([*([] if reads_first else doubts(controller, sensor)), *request.risks], body.confirmed)
     if request.setting:
-        work = controllers.jobs.apply(controller, request.values, "", sensor=sensor)
+        work = partial(controllers.jobs.apply, changes=request.values, reason="", sensor=sensor)
         return controller.add(request.title, work).job
     values = request.values[body.command]
-    work = controllers.jobs.run(
-        controller, body.command, values, changes=request.changes, restarts=request.restarts, sensor=sensor
+    work = partial(
+        controllers.jobs.run,
+        command=body.command,
+        values=values,
+        changes=request.changes,
+        restarts=request.restarts,
+        sensor=sensor,
     )
     return controller.add(request.title, work).job
 
@@ -202,7 +212,7 @@ async def send_raw(
     if not 0 < len(data) <= MAX_RAW:
         raise DomainError("bad-request", f"1 to {MAX_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
     confirmed([*doubts(controller, sensor), *risks_of_bytes(controller, data)], body.confirmed)
-    return controller.add(f"Send {len(data)} bytes", controllers.jobs.raw(controller, data)).job
+    return controller.add(f"Send {len(data)} bytes", partial(controllers.jobs.raw, data=data)).job
 
 
 @router.post("/confirm", responses=responses(404, 409, 422))
@@ -223,7 +233,7 @@ async def roll_back(controller: OneController) -> wire.DeviceJobs:
 async def restore(controller: OneController, controllers: AllControllers) -> wire.Job:
     """Guided procedure for a device that does not answer at any baud rate."""
     _ = controller.driver
-    return controller.add("Restore communication", controllers.jobs.restore(controller)).job
+    return controller.add("Restore communication", controllers.jobs.restore).job
 
 
 @router.delete("/jobs/{job}", status_code=204, responses=responses(404, 409, 422))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -153,4 +154,6 @@ class ControllerRegistry:
             except LinkError as error:
                 log.error("%s has a pending rollback and cannot be opened: %s", record.source, error)
                 continue
-            controller.add("Roll back to the previous settings", self.jobs.resume(controller, record), stoppable=False)
+            controller.add(
+                "Roll back to the previous settings", partial(self.jobs.resume, record=record), stoppable=False
+            )

@@ -74,18 +74,24 @@ class ControlError(DomainError):
 
 
 @dataclass(slots=True)
-class QueuedJob:
-    """One job and its work.
+class RunningJob:
+    """One job of a device, from the queue to its end.
 
     Args:
         work: performs the job; sets message, outcomes and values of `job`.
         stoppable: False while stopping could leave the line cut.
     """
 
+    controller: DeviceController
     job: Job
-    work: Callable[[QueuedJob], Awaitable[None]]
+    work: Callable[[RunningJob], Awaitable[None]]
     stoppable: bool = True
     finished: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def step(self, text: str) -> None:
+        """Set the current step."""
+        self.job.step = text
+        self.controller.notify()
 
 
 def _is_named(protocol: str) -> bool:
@@ -146,9 +152,9 @@ class DeviceController:
         self._sampled_at = self._sample_s = 0.0  # unix s, its newest sample, and the time since the one before
         self.answer: asyncio.Event = asyncio.Event()  # set when the pending rollback is answered
         self.is_change_confirmed = False
-        self._queue: deque[QueuedJob] = deque()
+        self._queue: deque[RunningJob] = deque()
         self._done: deque[Job] = deque(maxlen=MAX_DONE)
-        self._running: QueuedJob | None = None
+        self._running: RunningJob | None = None
         self._queue_task: asyncio.Task[None] | None = None
         self._stopping: asyncio.Task[None] | None = None
         self._is_closed = False
@@ -247,7 +253,7 @@ class DeviceController:
 
     # ── queue ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def add(self, title: str, work: Callable[[QueuedJob], Awaitable[None]], *, stoppable: bool = True) -> QueuedJob:
+    def add(self, title: str, work: Callable[[RunningJob], Awaitable[None]], *, stoppable: bool = True) -> RunningJob:
         """Append a job to the queue; it begins when the jobs before it are done.
 
         Raises:
@@ -260,7 +266,7 @@ class DeviceController:
             raise ControlError("full", f"The queue of this device is full ({MAX_WAITING} jobs).", hint)
         job = Job(id=self._next_job, device=self.device, title=title, state="waiting")
         self._next_job += 1
-        task = QueuedJob(job, work, stoppable)
+        task = RunningJob(self, job, work, stoppable)
         self._queue.append(task)
         self.notify()
         self._begin()
@@ -319,7 +325,7 @@ class DeviceController:
                 if self._queue:  # the job may have been removed while waiting
                     await self._do(self._queue.popleft())
 
-    async def _do(self, task: QueuedJob) -> None:
+    async def _do(self, task: RunningJob) -> None:
         self._running = task
         task.job.state, task.job.started = "running", self.bus.now()
         self.member.suppress_timeout(True)
@@ -347,7 +353,7 @@ class DeviceController:
         if self._running is None:
             self.member.explain_pause("")
 
-    def _finish(self, task: QueuedJob, state: str, message: str = "", hint: str = "") -> None:
+    def _finish(self, task: RunningJob, state: str, message: str = "", hint: str = "") -> None:
         job = task.job
         job.state = "done" if state == "done" else "failed" if state == "failed" else "stopped"
         job.message, job.hint = message or job.message, hint or job.hint
@@ -397,11 +403,6 @@ class DeviceController:
     def explain_quiet(self, text: str, hint: str, resume: str = "") -> None:
         """Report why the device sends nothing from now on, and what makes it send again: `resume` is a command."""
         self.member.explain_silence(QuietReason(text, hint, resume, self.bus.now()))
-
-    def step(self, task: QueuedJob, text: str) -> None:
-        """Set the current step of a job."""
-        task.job.step = text
-        self.notify()
 
     # ── reports ──────────────────────────────────────────────────────────────────────────────────────────────────────
 

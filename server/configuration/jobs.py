@@ -12,14 +12,12 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from imuscope.protocols.commands.transactions import (
     BaudChange,
-    DeviceContext,
-    DeviceDriver,
     DeviceRejectedError,
     NoReplyError,
     Transaction,
@@ -33,7 +31,7 @@ from imuscope.server.configuration.device_controller import (
     UNANSWERED_HINT,
     DeviceController,
     JobError,
-    QueuedJob,
+    RunningJob,
 )
 from imuscope.server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
 from imuscope.server.configuration.sensor_check import check_sensor
@@ -71,7 +69,7 @@ class Change:
 
 
 class Jobs:
-    """Creates the work of jobs.
+    """The work of jobs.
 
     Args:
         timings: how long a device and its user are waited for.
@@ -84,44 +82,41 @@ class Jobs:
 
     # ── read ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def read(
+    async def read(
         self,
-        controller: DeviceController,
+        running: RunningJob,
         names: Sequence[str] | None,
         reason: str,
         title: str = "",
         *,
         pinned: bool = False,
-    ) -> Callable[[QueuedJob], Awaitable[None]]:
+    ) -> None:
         """Read settings into a snapshot."""
-
-        async def work(task: QueuedJob) -> None:
-            snapshot = await self._reader.read_settings(controller, task, names)
-            if not snapshot.values:
-                why = next(iter(snapshot.missing.values()), "the device reported none")
-                raise JobError(f"No setting could be read: {why}.", UNANSWERED_HINT)
-            name = await self._reader.save_snapshot(
-                controller, snapshot, title or "Read from the device", reason, pinned=pinned
-            )
-            task.job.snapshot = name
-            lacking = f"; {len(snapshot.missing)} could not be read" if snapshot.missing else ""
-            task.job.message = f"{len(snapshot.values)} settings read{lacking}."
-            controller.log.add_note(f"{task.job.message[:-1]}, saved as a snapshot.")
-
-        return work
+        controller = running.controller
+        snapshot = await self._reader.read_settings(running, names)
+        if not snapshot.values:
+            why = next(iter(snapshot.missing.values()), "the device reported none")
+            raise JobError(f"No setting could be read: {why}.", UNANSWERED_HINT)
+        name = await self._reader.save_snapshot(
+            controller, snapshot, title or "Read from the device", reason, pinned=pinned
+        )
+        running.job.snapshot = name
+        lacking = f"; {len(snapshot.missing)} could not be read" if snapshot.missing else ""
+        running.job.message = f"{len(snapshot.values)} settings read{lacking}."
+        controller.log.add_note(f"{running.job.message[:-1]}, saved as a snapshot.")
 
     # ── apply ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def apply(
+    async def apply(
         self,
-        controller: DeviceController,
+        running: RunningJob,
         changes: Mapping[str, Mapping[str, Any]],
         reason: str,
         base: Mapping[str, Mapping[str, Any]] | None = None,
         held: Collection[str] = (),
         confirm_s: float | None = None,
         sensor: str = "",
-    ) -> Callable[[QueuedJob], Awaitable[None]]:
+    ) -> None:
         """Write settings, with a rollback.
 
         Args:
@@ -132,34 +127,32 @@ class Jobs:
                 cut the link, for the usual time.
             sensor: serial number of the sensor that is meant; another one is not written. "": whichever is there.
         """
+        controller = running.controller
+        snapshot = await self._reader.read_settings(running, None)
+        check_sensor(controller, sensor, snapshot.known)
+        rows = controller.rows
+        unknown = [name for name in changes if name not in rows or not rows[name].write]
+        if unknown:
+            raise JobError(f"This device has no writable setting {', '.join(unknown)}.", "Leave it out.")
+        todo = settings_procedures.minimal_changes(controller.driver, rows, snapshot.values, changes)
+        if not todo:
+            running.job.message = "Nothing to change: the device already has these settings."
+            return
+        changed = settings_procedures.changed_elsewhere(controller.driver, rows, snapshot.values, base, todo)
+        if changed:
+            raise JobError(f"{changed} was changed by another client since it was last shown.", CHANGED_HINT)
+        over = overload_error(replace(controller.present, values=snapshot.values), todo)
+        if over is not None:
+            raise JobError(over.message, f"Nothing was written. {over.hint}")
+        titles = ", ".join(rows[name].title or name for name in todo)
+        running.job.snapshot = await self._reader.save_snapshot(
+            controller, snapshot, "Before this change", reason or f"Before writing {titles}."
+        )
+        restart = any(rows[name].after == "reset" for name in todo)
+        await self._write(running, Change(snapshot, todo, held, restart, confirm_s))
 
-        async def work(task: QueuedJob) -> None:
-            snapshot = await self._reader.read_settings(controller, task, None)
-            check_sensor(controller, sensor, snapshot.known)
-            rows = controller.rows
-            unknown = [name for name in changes if name not in rows or not rows[name].write]
-            if unknown:
-                raise JobError(f"This device has no writable setting {', '.join(unknown)}.", "Leave it out.")
-            todo = settings_procedures.minimal_changes(controller.driver, rows, snapshot.values, changes)
-            if not todo:
-                task.job.message = "Nothing to change: the device already has these settings."
-                return
-            changed = settings_procedures.changed_elsewhere(controller.driver, rows, snapshot.values, base, todo)
-            if changed:
-                raise JobError(f"{changed} was changed by another client since it was last shown.", CHANGED_HINT)
-            over = overload_error(replace(controller.present, values=snapshot.values), todo)
-            if over is not None:
-                raise JobError(over.message, f"Nothing was written. {over.hint}")
-            titles = ", ".join(rows[name].title or name for name in todo)
-            task.job.snapshot = await self._reader.save_snapshot(
-                controller, snapshot, "Before this change", reason or f"Before writing {titles}."
-            )
-            restart = any(rows[name].after == "reset" for name in todo)
-            await self._write(controller, task, Change(snapshot, todo, held, restart, confirm_s))
-
-        return work
-
-    async def _write(self, controller: DeviceController, task: QueuedJob, change: Change) -> None:
+    async def _write(self, running: RunningJob, change: Change) -> None:
+        controller = running.controller
         rows, driver, old = controller.rows, controller.driver, change.snapshot.values
         lines = [driver.line_change(name, old.get(name), new, controller.context) for name, new in change.todo.items()]
         cuts = [line for line in lines if line is not None]
@@ -168,17 +161,18 @@ class Jobs:
             record.held = [name for name in change.todo if name in change.held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
                 await controller.member.access.check_rate(baud)  # also reports a far end that must be set by hand
-            written = await RollbackRun(controller, driver, self._rollbacks, record, task, self._timings).apply()
+            written = await RollbackRun(running, self._rollbacks, record, self._timings).apply()
         else:
-            written = await self._write_in_place(controller, task, change)
+            written = await self._write_in_place(running, change)
         also = also_changed(controller, old, written)
-        self._report(controller, task, rows, written, also)
+        self._report(running, rows, written, also)
 
-    async def _write_in_place(self, controller: DeviceController, task: QueuedJob, change: Change) -> list[WriteResult]:
+    async def _write_in_place(self, running: RunningJob, change: Change) -> list[WriteResult]:
         """Write settings that cannot cut the line. The rollback record is on disk during the write: if the server is
         killed, the device would stay silent with half of the settings; the next server run restores it
         (server/configuration/rollback.py).
         """
+        controller = running.controller
         known = all(change.snapshot.values.get(name) for name in change.todo)
         record = self._record(controller, change, ()) if known else None
         if record is not None:
@@ -186,17 +180,15 @@ class Jobs:
         try:
             written: list[WriteResult] = []
             try:
-                written = await controller.run(
-                    controller.driver.within(_writing(controller, task, change), controller.context)
-                )
+                written = await controller.run(controller.driver.within(_writing(running, change), controller.context))
                 cut = any(one.actual is None and not one.refused for one in written)
             except (LinkError, NoReplyError) as error:
                 controller.log.add_note(str(error), error=True)
                 cut = True
             if cut:
-                written = await self._cut_off(controller, task, change.todo, written, record)
+                written = await self._cut_off(running, change.todo, written, record)
             if change.restart and not all(one.refused for one in written):
-                written = await self._restarted(controller, task, written)
+                written = await self._restarted(running, written)
             return written
         finally:
             if record is not None and controller.cut_off != record.new:
@@ -214,8 +206,7 @@ class Jobs:
 
     async def _cut_off(
         self,
-        controller: DeviceController,
-        task: QueuedJob,
+        running: RunningJob,
         todo: dict[str, dict[str, Any]],
         written: Sequence[WriteResult],
         record: RollbackRecord | None,
@@ -225,12 +216,13 @@ class Jobs:
         Raises:
             JobError: the device did not accept everything, or did not return; then the rollback record stays on disk.
         """
+        controller = running.controller
         controller.cut_off = record.new if record is not None else {}
-        back = await recovery.read_back(controller, task, list(todo), self._timings)
+        back = await recovery.read_back(running, list(todo), self._timings)
         controller.cut_off = {}
         written = recovery.merged(todo, written, back)
-        task.job.outcomes = settings_procedures.outcomes(controller.driver, controller.rows, written)
-        if task.job.outcomes:
+        running.job.outcomes = settings_procedures.outcomes(controller.driver, controller.rows, written)
+        if running.job.outcomes:
             words = recovery.summary(controller, written)
             raise JobError(
                 f"The device stopped answering while it was written. Read back: {words}", recovery.AGAIN_HINT
@@ -240,12 +232,11 @@ class Jobs:
         )
         return written
 
-    async def _restarted(
-        self, controller: DeviceController, task: QueuedJob, written: list[WriteResult]
-    ) -> list[WriteResult]:
+    async def _restarted(self, running: RunningJob, written: list[WriteResult]) -> list[WriteResult]:
         """Restart the device and read the written settings back."""
-        controller.step(task, "The device restarts")
-        controller.restarts(task.job.title)
+        controller = running.controller
+        running.step("The device restarts")
+        controller.restarts(running.job.title)
         again: Sequence[bytes] = ()
         try:
             again = await controller.run(controller.driver.store_and_restart(controller.context))
@@ -257,7 +248,7 @@ class Jobs:
         await controller.run(controller.driver.resume(again, controller.context))
         names = [one.setting for one in written]
         snapshot = await self._reader.read_settings(
-            controller, task, [*names, *settings_procedures.altered(controller.driver, controller.context, names)]
+            running, [*names, *settings_procedures.altered(controller.driver, controller.context, names)]
         )
         return [replace(one, actual=snapshot.values.get(one.setting)) for one in written]
 
@@ -307,18 +298,18 @@ class Jobs:
 
     def _report(
         self,
-        controller: DeviceController,
-        task: QueuedJob,
+        running: RunningJob,
         rows: Mapping[str, Setting],
         written: Sequence[WriteResult],
         also: Sequence[str],
     ) -> None:
+        controller = running.controller
         actual = {one.setting: one.actual for one in written if one.actual is not None}
         controller.values = {  # another object, because holders of the earlier values compare
             **controller.values,
             **{name: {**controller.values.get(name, {}), **values} for name, values in actual.items()},
         }
-        job = task.job
+        job = running.job
         job.outcomes = settings_procedures.outcomes(controller.driver, rows, written)
         refused = [one for one in job.outcomes if not one.path]
         good = len(written) - len(refused)
@@ -347,68 +338,65 @@ class Jobs:
 
     # ── other jobs ───────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def run(
+    async def run(
         self,
-        controller: DeviceController,
+        running: RunningJob,
         command: str,
         values: Values,
         *,
         changes: bool,
         restarts: bool = False,
         sensor: str = "",
-    ) -> Callable[[QueuedJob], Awaitable[None]]:
+    ) -> None:
         """Run one command; see server/configuration/run_command.py."""
-        return run_command.run(
-            *(self._reader, self._timings, controller, command, values),
+        await run_command.run(
+            *(self._reader, self._timings, running, command, values),
             changes=changes,
             restarts=restarts,
             sensor=sensor,
         )
 
-    def raw(self, controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
+    async def raw(self, running: RunningJob, data: bytes) -> None:
         """Send raw bytes."""
-        return run_command.raw(controller, data)
+        await run_command.raw(running, data)
 
-    def restore(self, controller: DeviceController) -> Callable[[QueuedJob], Awaitable[None]]:
+    async def restore(self, running: RunningJob) -> None:
         """Restore a device that does not answer at any baud rate; an unfinished rollback is completed."""
+        controller = running.controller
+        record = await asyncio.to_thread(self._unfinished, controller)
+        running.step("Switch the device off and on now")
+        before = controller.member.access.baud
+        if not await _call_device(running, self._timings):
+            await controller.runner.reopen(before)
+            raise JobError("The device did not answer.", "Switch its power off and on while this runs.")
+        rate = f" at {group(controller.member.access.baud)} Bd" if controller.member.access.baud else ""
+        running.job.message = f"The device answers again{rate}, with the factory's communication settings."
+        if controller.pending_rollback is not None and controller.pending_rollback.state == "unreachable":
+            controller.pending_rollback = None
+        if record is not None:
+            rollback = RollbackRun(running, self._rollbacks, record, self._timings)
+            try:
+                wrong = await rollback.put_back(controller.member.access.baud)
+            except (NoReplyError, DeviceRejectedError) as error:
+                raise JobError(f"The device answers{rate}, but: {error}", "Read its settings.") from None
+            if wrong:
+                raise JobError(f"The device answered{rate}, but {wrong}.", "Read its settings.")
+            running.job.message = "The device answers again and has its old settings."
+        await self._refreshed(running)
 
-        async def work(task: QueuedJob) -> None:
-            driver, known = controller.driver, controller.context
-            record = await asyncio.to_thread(self._unfinished, controller, known)
-            controller.step(task, "Switch the device off and on now")
-            before = controller.member.access.baud
-            if not await _call_device(controller, driver, task, self._timings):
-                await controller.runner.reopen(before)
-                raise JobError("The device did not answer.", "Switch its power off and on while this runs.")
-            rate = f" at {group(controller.member.access.baud)} Bd" if controller.member.access.baud else ""
-            task.job.message = f"The device answers again{rate}, with the factory's communication settings."
-            if controller.pending_rollback is not None and controller.pending_rollback.state == "unreachable":
-                controller.pending_rollback = None
-            if record is not None:
-                rollback = RollbackRun(controller, driver, self._rollbacks, record, task, self._timings)
-                try:
-                    wrong = await rollback.put_back(controller.member.access.baud)
-                except (NoReplyError, DeviceRejectedError) as error:
-                    raise JobError(f"The device answers{rate}, but: {error}", "Read its settings.") from None
-                if wrong:
-                    raise JobError(f"The device answered{rate}, but {wrong}.", "Read its settings.")
-                task.job.message = "The device answers again and has its old settings."
-            await self._refreshed(controller, task)
-
-        return work
-
-    async def _refreshed(self, controller: DeviceController, task: QueuedJob) -> None:
+    async def _refreshed(self, running: RunningJob) -> None:
         """Read all settings of a device that is found again, because values read before are uncertain. Settings that
         cannot be read are marked; the job still succeeds.
         """
-        controller.invalidate(list(controller.values), run_command.NOT_SINCE.format(task.job.title))
+        controller = running.controller
+        controller.invalidate(list(controller.values), run_command.NOT_SINCE.format(running.job.title))
         try:
-            await self._reader.read_settings(controller, task, None)
+            await self._reader.read_settings(running, None)
         except (NoReplyError, DeviceRejectedError, LinkError) as error:
             controller.log.add_note(str(error), error=True)
-            task.job.hint = "Its settings could not be read; read them again."
+            running.job.hint = "Its settings could not be read; read them again."
 
-    def _unfinished(self, controller: DeviceController, known: DeviceContext) -> RollbackRecord | None:
+    def _unfinished(self, controller: DeviceController) -> RollbackRecord | None:
         source = controller.member.info.source
         device = controller.member.name
         records = [
@@ -417,61 +405,56 @@ class Jobs:
             if (one.source, one.device) == (source, device) and one.state == "unreachable"
         ]
         return next(
-            (one for one in records if one.serial_number == known.serial_number), records[0] if records else None
+            (one for one in records if one.serial_number == controller.context.serial_number),
+            records[0] if records else None,
         )
 
-    def resume(self, controller: DeviceController, record: RollbackRecord) -> Callable[[QueuedJob], Awaitable[None]]:
+    async def resume(self, running: RunningJob, record: RollbackRecord) -> None:
         """Roll back a change that the previous run left unconfirmed."""
-
-        async def work(task: QueuedJob) -> None:
-            member = controller.member
-            if member.info.protocol != record.protocol:
-                link = member.link_session
-                await link.read_as(replace(link.reading, protocol=record.protocol))
-            rollback = RollbackRun(controller, controller.driver, self._rollbacks, record, task, self._timings)
-            if record.state == "unreachable":
-                rollback.show("unreachable", "The device could not be reached when this server last ran.")
-                raise JobError("The device could not be reached when this server last ran.", RESTORE_HINT)
-            await rollback.go_back("The server was started again while a change was unconfirmed.")
-            task.job.message = "The device has its old settings again."
-            await self._refreshed(controller, task)
-
-        return work
+        controller = running.controller
+        member = controller.member
+        if member.info.protocol != record.protocol:
+            link = member.link_session
+            await link.read_as(replace(link.reading, protocol=record.protocol))
+        rollback = RollbackRun(running, self._rollbacks, record, self._timings)
+        if record.state == "unreachable":
+            rollback.show("unreachable", "The device could not be reached when this server last ran.")
+            raise JobError("The device could not be reached when this server last ran.", RESTORE_HINT)
+        await rollback.go_back("The server was started again while a change was unconfirmed.")
+        running.job.message = "The device has its old settings again."
+        await self._refreshed(running)
 
 
-def _writing(controller: DeviceController, task: QueuedJob, change: Change) -> Transaction[list[WriteResult]]:
+def _writing(running: RunningJob, change: Change) -> Transaction[list[WriteResult]]:
     """Write, and read the settings altered by it, unless a restart follows; then they are read after the restart."""
-
-    def report_step(words: str) -> None:
-        controller.step(task, words)
+    controller = running.controller
 
     written = yield from settings_procedures.write_all(
-        controller.driver, controller.context, change.todo, report_step, change.held
+        controller.driver, controller.context, change.todo, running.step, change.held
     )
     also = [] if change.restart else settings_procedures.altered(controller.driver, controller.context, change.todo)
     if also and not all(one.refused for one in written):
         snapshot = yield from settings_procedures.read_settings(
-            controller.driver, controller.context, also, report_step
+            controller.driver, controller.context, also, running.step
         )
         controller.update(snapshot.known, snapshot.values, snapshot.missing)
     return written
 
 
-async def _call_device(
-    controller: DeviceController, driver: DeviceDriver, task: QueuedJob, timings: ConfigurationTimings
-) -> bool:
+async def _call_device(running: RunningJob, timings: ConfigurationTimings) -> bool:
     """Call the device until it answers. The port of a bus-powered device disappears and returns with its power.
 
     Raises:
         LinkError: the port disappeared, and did not return in time.
     """
+    controller = running.controller
     end = time.monotonic() + timings.return_s
     known = controller.context
     while True:
         try:
-            return await controller.run(driver.restore_communication(known))
+            return await controller.run(controller.driver.restore_communication(known))
         except LinkError as gone:
-            controller.step(task, "Its port is gone: switch the device on again")
+            running.step("Its port is gone: switch the device on again")
             while not await recovery.reopened(controller):
                 if time.monotonic() > end:
                     raise gone from None

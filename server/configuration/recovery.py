@@ -19,7 +19,7 @@ from typing import Any
 from imuscope.protocols.commands.transactions import DeviceRejectedError, NoReplyError, Values, WriteResult
 from imuscope.protocols.schema.plural import plural
 from imuscope.server.configuration import settings_procedures
-from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.device_controller import DeviceController, JobError, RunningJob
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.links.base import LinkError
 
@@ -37,28 +37,25 @@ async def reopened(controller: DeviceController) -> bool:
     return True
 
 
-async def read_back(
-    controller: DeviceController, task: QueuedJob, names: Sequence[str], timings: ConfigurationTimings
-) -> Mapping[str, Values]:
+async def read_back(running: RunningJob, names: Sequence[str], timings: ConfigurationTimings) -> Mapping[str, Values]:
     """Values of the device after its return.
 
     Raises:
         JobError: the device did not return in time, or another one is at the port.
     """
+    controller = running.controller
     ours = controller.context.serial_number
     controller.invalidate(names, UNKNOWN)
-    controller.step(task, "The device stopped answering; waiting for it")
+    running.step("The device stopped answering; waiting for it")
     end = time.monotonic() + timings.return_s
     while time.monotonic() < end:
         snapshot: settings_procedures.SettingsSnapshot | None = None
         try:
             if await controller.run(controller.driver.is_alive(controller.context)):
-                body = settings_procedures.read_settings(
-                    controller.driver, controller.context, names, lambda words: controller.step(task, words)
-                )
+                body = settings_procedures.read_settings(controller.driver, controller.context, names, running.step)
                 snapshot = await controller.run(controller.driver.within(body, controller.context))
         except LinkError:
-            controller.step(task, "Its port is gone: connect the device again")
+            running.step("Its port is gone: connect the device again")
             while not await reopened(controller) and time.monotonic() < end:
                 await asyncio.sleep(timings.reopen_s)
         except (NoReplyError, DeviceRejectedError) as error:

@@ -31,7 +31,6 @@ from typing import Any, Literal
 
 from imuscope.protocols.commands.transactions import (
     DeviceContext,
-    DeviceDriver,
     DeviceRejectedError,
     NoReplyError,
     Values,
@@ -41,7 +40,7 @@ from imuscope.recordings.errors import check_format_version
 from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import read_regular
 from imuscope.server.configuration import settings_procedures
-from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.device_controller import JobError, RunningJob
 from imuscope.server.configuration.sensor_check import is_same
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.configuration.transaction_runner import group
@@ -154,25 +153,23 @@ class RollbackRun:
     """Execution of one temporary change.
 
     Args:
-        task: the job it belongs to.
+        running: the job it belongs to.
     """
 
     def __init__(
         self,
-        controller: DeviceController,
-        driver: DeviceDriver,
+        running: RunningJob,
         rollbacks: RollbackStore,
         record: RollbackRecord,
-        task: QueuedJob,
         timings: ConfigurationTimings,
     ) -> None:
-        self._controller = controller
-        self._driver = driver
+        self._running = running
+        self._controller = running.controller
+        self._driver = running.controller.driver
         self._rollbacks = rollbacks
         self.record = record
-        self._task = task
         self._timings = timings
-        self._running: Sequence[bytes] = ()  # what ran before a restart, until it runs again
+        self._to_resume: Sequence[bytes] = ()  # what ran before a restart, until it runs again
 
     # ── change ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -185,7 +182,7 @@ class RollbackRun:
         Raises:
             JobError: the change was rolled back, or the device is unreachable.
         """
-        self._task.stoppable = False
+        self._running.stoppable = False
         await self._report("applying", "The change is being made.")
         try:
             written = await self._write()
@@ -215,7 +212,7 @@ class RollbackRun:
         written = [replace(one, actual=back.get(one.setting, one.actual)) for one in written]
         if await self._is_confirmed():
             await self._end("confirmed", "The new settings are confirmed.")
-            self._task.job.hint = self._source_hint()
+            self._running.job.hint = self._source_hint()
             return written
         await self.go_back("The change was not confirmed in time." if not self._controller.answer.is_set() else "")
         who = "as requested" if self._controller.answer.is_set() else "because the change was not confirmed in time"
@@ -302,7 +299,7 @@ class RollbackRun:
         Raises:
             JobError: the device does not answer, does not accept its old settings, or is a different one.
         """
-        self._task.stoppable = False
+        self._running.stoppable = False
         self.record.deadline = 0.0
         words = f"{why} The old settings are being put back.".strip()
         self.show("rolling-back", words)  # before the disk is waited for: it is too late to keep the change
@@ -402,19 +399,19 @@ class RollbackRun:
     async def _restart(self) -> None:
         """Store and restart. A lost answer to a reset is normal."""
         known = self._known_values(self._controller.member.access.baud)
-        self._controller.restarts(self._task.job.title)
+        self._controller.restarts(self._running.job.title)
         try:
             running = await self._controller.run(self._driver.store_and_restart(known))
-            self._running = self._running or running  # what an earlier restart ended does not run now
+            self._to_resume = self._to_resume or running  # what an earlier restart ended does not run now
         except NoReplyError as error:
             self._controller.log.add_note(str(error))
 
     async def _resume(self) -> None:
         """Start again what a restart has ended, on the device that answers."""
-        if self._running:
+        if self._to_resume:
             known = self._known_values(self._controller.member.access.baud)
-            await self._controller.run(self._driver.resume(self._running, known))
-            self._running = ()
+            await self._controller.run(self._driver.resume(self._to_resume, known))
+            self._to_resume = ()
 
     async def _alive(self) -> bool:
         return await self._controller.run(
@@ -438,7 +435,7 @@ class RollbackRun:
         return replace(self.record.known, baud=baud, settings=self._controller.context.settings)
 
     def _report_state(self, words: str) -> None:
-        self._controller.step(self._task, words)
+        self._running.step(words)
 
     async def _report(self, state: Literal["applying", "pending", "rolling-back", "unreachable"], words: str) -> None:
         """Store the state on disk and publish it to all clients.

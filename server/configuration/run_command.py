@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Collection
 
 from imuscope.protocols.commands.transactions import AT_REST, DeviceRejectedError, NoReplyError, RequiresState, Values
-from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, RunningJob
 from imuscope.server.configuration.rollback import RESTORE_HINT
 from imuscope.server.configuration.sensor_check import check_sensor
 from imuscope.server.configuration.settings_reader import SettingsReader
@@ -36,18 +36,18 @@ def altered(controller: DeviceController, command: str, values: Values) -> list[
     return [name for name, row in controller.rows.items() if row.write == command or name in more]
 
 
-def run(
+async def run(
     reader: SettingsReader,
     timings: ConfigurationTimings,
-    controller: DeviceController,
+    running: RunningJob,
     command: str,
     values: Values,
     *,
     changes: bool,
     restarts: bool,
     sensor: str = "",
-) -> Callable[[QueuedJob], Awaitable[None]]:
-    """Job that runs one command.
+) -> None:
+    """Run one command.
 
     Args:
         timings: how long a restarting device is waited for.
@@ -56,36 +56,33 @@ def run(
         restarts: the device restarts, perhaps at a baud rate that was stored before; the link follows it.
         sensor: serial number of the sensor that is meant, checked if it is read before; "": whichever is there.
     """
-
-    async def work(task: QueuedJob) -> None:
-        driver, known = controller.driver, controller.context
-        body = driver.run(command, values, known)
-        if changes and not (isinstance(body, RequiresState) and body.continues):
-            snapshot = await reader.read_settings(controller, task, None)
-            check_sensor(controller, sensor, snapshot.known)
-            task.job.snapshot = await reader.save_snapshot(
-                controller, snapshot, "Before this change", f"Before {task.job.title}."
-            )
-            body = driver.run(command, values, controller.context)
-        stale = altered(controller, command, values)
-        controller.step(task, command)
-        try:
-            answer = await controller.run(driver.within(body, known))
-        except (NoReplyError, LinkError, asyncio.CancelledError):  # it may have been carried out anyway
-            controller.invalidate(stale, NOT_SINCE.format(task.job.title))
-            raise
-        controller.invalidate(stale, NOT_SINCE.format(task.job.title))
-        if isinstance(body, RequiresState) and body.state == "any" and not restarts:
-            controller.rest(controller.state == AT_REST, f"“{task.job.title}”")
-        if restarts:
-            await _follow(controller, task, timings.rounds)
-        _explain_end_of_output(controller, command, f"“{task.job.title}”")
-        controller.note_unfinished(command, driver.unfinished(command, values))
-        task.job.values = to_json_safe(answer)
-        task.job.message = task.job.message or ("Answered." if answer else "Done.")
-        await _read_again(reader, controller, task, stale, restarts=restarts)
-
-    return work
+    controller = running.controller
+    driver, known = controller.driver, controller.context
+    body = driver.run(command, values, known)
+    if changes and not (isinstance(body, RequiresState) and body.continues):
+        snapshot = await reader.read_settings(running, None)
+        check_sensor(controller, sensor, snapshot.known)
+        running.job.snapshot = await reader.save_snapshot(
+            controller, snapshot, "Before this change", f"Before {running.job.title}."
+        )
+        body = driver.run(command, values, controller.context)
+    stale = altered(controller, command, values)
+    running.step(command)
+    try:
+        answer = await controller.run(driver.within(body, known))
+    except (NoReplyError, LinkError, asyncio.CancelledError):  # it may have been carried out anyway
+        controller.invalidate(stale, NOT_SINCE.format(running.job.title))
+        raise
+    controller.invalidate(stale, NOT_SINCE.format(running.job.title))
+    if isinstance(body, RequiresState) and body.state == "any" and not restarts:
+        controller.rest(controller.state == AT_REST, f"“{running.job.title}”")
+    if restarts:
+        await _follow(running, timings.rounds)
+    _explain_end_of_output(controller, command, f"“{running.job.title}”")
+    controller.note_unfinished(command, driver.unfinished(command, values))
+    running.job.values = to_json_safe(answer)
+    running.job.message = running.job.message or ("Answered." if answer else "Done.")
+    await _read_again(reader, running, stale, restarts=restarts)
 
 
 def _explain_end_of_output(controller: DeviceController, command: str, who: str) -> None:
@@ -94,36 +91,36 @@ def _explain_end_of_output(controller: DeviceController, command: str, who: str)
         controller.explain_quiet(f"{who} ended its output.", STOPPED_HINT)
 
 
-async def _read_again(
-    reader: SettingsReader, controller: DeviceController, task: QueuedJob, names: Collection[str], *, restarts: bool
-) -> None:
+async def _read_again(reader: SettingsReader, running: RunningJob, names: Collection[str], *, restarts: bool) -> None:
     """Read the settings that a command altered. Those that cannot be read stay marked; the command itself was done."""
+    controller = running.controller
     if not names or not controller.read_at or controller.unfinished:
         return  # never read: no values to update; unfinished: reading would discard it
     try:
         if restarts:
             await answers(controller, AWAKE_TRIES)
-        await reader.read_settings(controller, task, list(names))
+        await reader.read_settings(running, list(names))
     except (NoReplyError, DeviceRejectedError, LinkError) as error:
         controller.log.add_note(str(error), error=True)
-        task.job.hint = task.job.hint or "The changed settings could not be read; read them again."
+        running.job.hint = running.job.hint or "The changed settings could not be read; read them again."
 
 
-async def _follow(controller: DeviceController, task: QueuedJob, rounds: int) -> None:
+async def _follow(running: RunningJob, rounds: int) -> None:
     """Set the link to the baud rate of the device after its restart.
 
     Args:
         rounds: number of attempts at each rate: a slow device, or one at a busy host, is missed at first.
     """
+    controller = running.controller
     before = controller.member.access.baud
     rates = tuple(controller.driver.rates(controller.values, controller.context)) if before is not None else ()
     for rate in rates * rounds:
         if rate != controller.member.access.baud and not await controller.runner.reopen(rate):
             continue
-        controller.step(task, f"The device restarts; trying {group(rate)} Bd")
+        running.step(f"The device restarts; trying {group(rate)} Bd")
         if await controller.run(controller.driver.is_alive(controller.context)):
             if rate != before:
-                task.job.message = f"The device uses {group(rate)} Bd after its restart; the link was changed to it."
+                running.job.message = f"The device uses {group(rate)} Bd after its restart; the link was changed to it."
             return
     if rates:
         await controller.runner.reopen(before)
@@ -138,21 +135,18 @@ async def answers(controller: DeviceController, rounds: int) -> bool:
     return False
 
 
-def raw(controller: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
-    """Job that sends raw bytes; replies within a second are in the log."""
-
-    async def work(task: QueuedJob) -> None:
-        stale = _altered_by_bytes(controller, data)
-        controller.log.sent(data, "", await controller.member.access.send(data))
-        controller.invalidate(stale, NOT_SINCE.format(task.job.title))
-        await asyncio.sleep(LISTEN_S)
-        if controller.state == AT_REST and not controller.at_rest:
-            controller.rest(True, BY_HAND)
-        with contextlib.suppress(ControlError):  # its protocol is not known
-            _explain_end_of_output(controller, controller.driver.name_of(data), BY_HAND)
-        task.job.message = f"{len(data)} bytes sent unchanged."
-
-    return work
+async def raw(running: RunningJob, data: bytes) -> None:
+    """Send raw bytes; replies within a second are in the log."""
+    controller = running.controller
+    stale = _altered_by_bytes(controller, data)
+    controller.log.sent(data, "", await controller.member.access.send(data))
+    controller.invalidate(stale, NOT_SINCE.format(running.job.title))
+    await asyncio.sleep(LISTEN_S)
+    if controller.state == AT_REST and not controller.at_rest:
+        controller.rest(True, BY_HAND)
+    with contextlib.suppress(ControlError):  # its protocol is not known
+        _explain_end_of_output(controller, controller.driver.name_of(data), BY_HAND)
+    running.job.message = f"{len(data)} bytes sent unchanged."
 
 
 def _altered_by_bytes(controller: DeviceController, data: bytes) -> list[str]:

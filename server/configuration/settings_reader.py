@@ -14,7 +14,7 @@ from typing import Any
 
 from imuscope.protocols.commands.transactions import Values
 from imuscope.server.configuration import settings_procedures
-from imuscope.server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.device_controller import DeviceController, JobError, RunningJob
 from imuscope.server.configuration.rollback import RollbackStore
 from imuscope.server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
 
@@ -34,10 +34,11 @@ class SettingsReader:
         self._rollbacks = rollbacks
 
     async def read_settings(
-        self, controller: DeviceController, task: QueuedJob, names: Sequence[str] | None
+        self, running: RunningJob, names: Sequence[str] | None
     ) -> settings_procedures.SettingsSnapshot:
+        controller = running.controller
         driver, known = controller.driver, controller.context
-        body = settings_procedures.read_settings(driver, known, names, lambda words: controller.step(task, words))
+        body = settings_procedures.read_settings(driver, known, names, running.step)
         snapshot = await controller.run(driver.within(body, known))
         controller.update(snapshot.known, snapshot.values, snapshot.missing)
         if controller.cut_off and set(controller.cut_off) <= set(

@@ -12,12 +12,13 @@ format needs them at its beginning and takes them from the recording's metadata.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from imuscope.protocols.commands.transactions import DeviceRejectedError, NoReplyError
 from imuscope.protocols.events import Event, Reply
 from imuscope.protocols.family.info import LogHeader
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
+from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, RunningJob
 from imuscope.server.links.base import LinkError
 
 
@@ -59,7 +60,7 @@ class LogHeaderRequest:
             self._missing(why, header)
             return
         try:
-            self._controller.add(header.title, lambda task: self._work(task, header))
+            self._controller.add(header.title, partial(self._work, header=header))
         except ControlError as error:
             self._missing(error.message, header)
 
@@ -73,7 +74,7 @@ class LogHeaderRequest:
         family = PROTOCOLS.get(self._controller.member.info.protocol)
         return family.logs.log_header if family is not None else None
 
-    async def _work(self, task: QueuedJob, header: LogHeader) -> None:
+    async def _work(self, running: RunningJob, header: LogHeader) -> None:
         controller = self._controller
         if why := self._unasked():  # by now
             raise JobError(self._missing(why, header), "The recording itself is complete.")
@@ -81,7 +82,7 @@ class LogHeaderRequest:
             await controller.run(controller.driver.within(header.request(), controller.context))
         except (DeviceRejectedError, NoReplyError, LinkError, ControlError) as error:
             raise JobError(self._missing(str(error), header), "The recording itself is complete.") from None
-        task.job.message = f"Its {header.words.lower()} is in the recording."
+        running.job.message = f"Its {header.words.lower()} is in the recording."
 
     def _missing(self, why: str, header: LogHeader) -> str:
         name = self._controller.member.info.name

@@ -57,22 +57,21 @@ class Api:
     async def post(self, path: str, body: Any = None) -> Any:
         return (await self._client.post(path, json=body if body is not None else {})).raise_for_status().json()
 
-    async def received(self) -> dict[str, int]:
-        """Bytes by device, of /metrics."""
+    async def received(self, counter: str) -> int:
+        """What a counter of /metrics counts, all devices."""
         text = (await self._client.get("/metrics")).raise_for_status().text
-        found = {}
-        for line in text.splitlines():
-            if line.startswith("imuscope_link_received_bytes_total{"):
-                found[line.split('device="')[1].split('"')[0]] = int(float(line.rsplit(" ", 1)[1]))
-        return found
+        lines = [line for line in text.splitlines() if line.startswith(f"{counter}{{")]
+        return sum(int(float(line.rsplit(" ", 1)[1])) for line in lines)
 
-    async def received_all(self, sent: Sequence[dict[str, Any]]) -> None:
-        """Wait until the server has read what the devices have written, 10 s at most."""
-        whole = sum(one["bytes"] for one in sent)
-        for _ in range(200):
-            if sum((await self.received()).values()) >= whole:
-                return
+    async def received_all(self, sent: Sequence[dict[str, Any]], *, decoded: bool = False) -> bool:
+        """Wait until the server has read, or decoded, what the devices have written, 20 s at most; whether it has."""
+        unit, counter = ("frames", "frames") if decoded else ("bytes", "received_bytes")
+        whole = sum(one[unit] for one in sent)
+        for _ in range(400):
+            if await self.received(f"imuscope_link_{counter}_total") >= whole:
+                return True
             await asyncio.sleep(0.05)
+        return False
 
     async def drops(self) -> int:
         text = (await self._client.get("/metrics")).raise_for_status().text

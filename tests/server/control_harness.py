@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from imuscope.protocols.xbus.requests import StateTimes
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration import controllers
 from imuscope.server.configuration.controllers import ControllerRegistry
-from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.configuration.device_controller import DeviceController, RunningJob
 from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.devices.device.device_names import DeviceNames
@@ -67,10 +68,10 @@ class ControlHarness:
         return desk
 
     async def apply(self, desk: DeviceController, changes: dict[str, dict[str, object]], reason: str = "") -> Job:
-        return await over(desk.add("Write", self.desks.jobs.apply(desk, changes, reason)))
+        return await over(desk.add("Write", partial(self.desks.jobs.apply, changes=changes, reason=reason)))
 
     async def read(self, desk: DeviceController) -> Job:
-        return await over(desk.add("Read", self.desks.jobs.read(desk, None, "")))
+        return await over(desk.add("Read", partial(self.desks.jobs.read, names=None, reason="")))
 
 
 @asynccontextmanager
@@ -116,7 +117,7 @@ async def house_of(
         yield here, desk
 
 
-async def over(task: QueuedJob) -> Job:
+async def over(task: RunningJob) -> Job:
     """The job when it is done."""
     await asyncio.wait_for(task.finished.wait(), PATIENCE_S)
     return task.job

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ DRIVER = XbusDriver()
 
 
 async def told(here: ControlHarness, desk: DeviceController, command: str, values: dict[str, Any] | None = None) -> Job:
-    work = here.desks.jobs.run(desk, command, values or {}, changes=False, restarts=command == "Reset")
+    work = partial(
+        here.desks.jobs.run, command=command, values=values or {}, changes=False, restarts=command == "Reset"
+    )
     return await over(desk.add(command, work))
 
 
@@ -78,7 +81,7 @@ async def test_a_device_that_was_put_into_config_by_bytes_is_not_lost(
     async with bench() as there, house_of(f"{there.slave}?baud=115200", tmp_path) as (here, desk):
         await told(here, desk, "ReqDID")
         if by_hand:
-            await over(desk.add("Send 5 bytes", here.desks.jobs.raw(desk, build(0x30))))
+            await over(desk.add("Send 5 bytes", partial(here.desks.jobs.raw, data=build(0x30))))
         else:
             await desk.member.access.send(build(0x30))
         await until(lambda: desk.member.info.status != "live", "it is silent")
@@ -94,7 +97,7 @@ async def test_a_device_that_was_put_into_config_by_bytes_is_not_lost(
 async def test_output_that_bytes_by_hand_ended_is_not_lost(tmp_path: Path) -> None:
     async with house_of("sim:isb?rate=50", tmp_path) as (here, desk):
         stop = desk.driver.frame("STOP_BROADCASTS_ALL_PORTS", {}, desk.context)
-        await over(desk.add("Send bytes", here.desks.jobs.raw(desk, stop)))
+        await over(desk.add("Send bytes", partial(here.desks.jobs.raw, data=stop)))
         await until(lambda: desk.member.info.status != "live", "it is silent")
         assert (desk.member.info.status, desk.member.info.message) == ("idle", "Send hex ended its output.")
 

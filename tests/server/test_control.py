@@ -5,6 +5,7 @@ afterwards.
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +62,10 @@ async def test_unchanged_values_are_not_written(tmp_path: Path) -> None:
 async def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
     """Their exchanges never mix: between GoToConfig and GoToMeasurement there is one job's."""
     async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
-        first = desk.add("first", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 1}}, ""))
-        second = desk.add("second", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 2}}, ""))
+        first = desk.add("first", partial(here.desks.jobs.apply, changes={"LocationID": {"location_id": 1}}, reason=""))
+        second = desk.add(
+            "second", partial(here.desks.jobs.apply, changes={"LocationID": {"location_id": 2}}, reason="")
+        )
         assert [job.title for job in desk.job_report.queue] == ["first", "second"]
         await until(lambda: desk.job_report.running is not None, "the first runs")
         running = desk.job_report.running
@@ -80,7 +83,7 @@ async def test_two_users_send_commands_in_turn(tmp_path: Path) -> None:
 
 async def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> None:
     async with house_of("sim:xbus?baud=9600&rate=5", tmp_path) as (here, desk):
-        task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
+        task = desk.add("Read", partial(here.desks.jobs.read, names=None, reason=""))
         await until(lambda: desk.state == "Config", "the device is in Config")
         await desk.drop(task.job.id)
         assert task.job.state == "stopped"
@@ -103,14 +106,14 @@ def test_a_job_that_is_stopped_on_its_way_to_config_leaves_the_device_measuring(
 async def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
     desk: DeviceController
     async with house_of("sim:xbus?baud=9600&rate=5", tmp_path) as (here, desk):
-        desk.add("Read", here.desks.jobs.read(desk, None, ""))
+        desk.add("Read", partial(here.desks.jobs.read, names=None, reason=""))
         await until(lambda: desk.state == "Config", "the device is in Config")
     assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
 
 
 async def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: Path) -> None:
     async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
-        tasks = [desk.add(str(n), here.desks.jobs.read(desk, ["LocationID"], "")) for n in range(3)]
+        tasks = [desk.add(str(n), partial(here.desks.jobs.read, names=["LocationID"], reason="")) for n in range(3)]
         await desk.drop(tasks[2].job.id)
         assert tasks[2].job.state == "stopped"
         with pytest.raises(ControlError, match="Job 99 is not queued"):
@@ -120,7 +123,7 @@ async def test_a_waiting_job_is_cancelled_and_an_unknown_one_reported(tmp_path: 
 
 async def test_a_full_queue_is_reported(tmp_path: Path) -> None:
     async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
-        work = here.desks.jobs.read(desk, ["LocationID"], "")
+        work = partial(here.desks.jobs.read, names=["LocationID"], reason="")
         for _ in range(MAX_WAITING):
             desk.add("Read", work)
         with pytest.raises(ControlError, match="is full"):
@@ -131,7 +134,7 @@ async def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> N
     """Regression: a device that does not measure because it is being configured was shown as lost."""
     async with house_of("sim:xbus?baud=9600&rate=20", tmp_path) as (here, desk):
         seen: set[str] = set()
-        task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
+        task = desk.add("Read", partial(here.desks.jobs.read, names=None, reason=""))
         while not task.finished.is_set():
             seen.add(desk.member.info.status)
             await asyncio.sleep(0.02)
@@ -318,5 +321,5 @@ async def test_a_value_that_changes_beside_the_written_one_is_told_before_and_af
 async def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:
     async with house_of("sim:idtp?rate=20", tmp_path) as (here, desk):
         assert desk.rows == {}
-        job = await over(desk.add("Send", here.desks.jobs.raw(desk, b"\x00\x01")))
+        job = await over(desk.add("Send", partial(here.desks.jobs.raw, data=b"\x00\x01")))
         assert job.state == "done"

@@ -7,6 +7,7 @@ import json
 import threading
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -239,7 +240,7 @@ async def test_a_device_that_a_person_stops_stays_stopped(tmp_path: Path) -> Non
     async with measuring(tmp_path) as (there, here, desk):
         await desk.put_back.keep([GO_TO_MEASUREMENT])
         desk.put_back.transaction_ended()
-        work = here.desks.jobs.run(desk, "GoToConfig", {}, changes=False, restarts=False)
+        work = partial(here.desks.jobs.run, command="GoToConfig", values={}, changes=False, restarts=False)
         assert (await over(desk.add("Stop", work))).state == "done"
         await until(lambda: here.desks.put_back.all() == [], "nothing is stored")
         assert phase(there) == "config"

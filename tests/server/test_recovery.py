@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from imuscope.server.configuration import recovery
-from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.configuration.device_controller import DeviceController, RunningJob
 from imuscope.server.links.simulator import SimulatorLink
 from tests.server.control_harness import ControlHarness, house, outputs, over
 from tests.waiting import until
@@ -30,25 +31,26 @@ def unplug(desk: DeviceController) -> None:
 
 def when(desk: DeviceController, step: str, act: Callable[[DeviceController], None]) -> None:
     """Call a function once when a job starts a step."""
-    before = desk.step
+    before = desk.notify
     acted: list[str] = []
 
-    def after(task: QueuedJob, words: str) -> None:
-        before(task, words)
-        if words == step and not acted:
-            acted.append(words)
+    def after() -> None:
+        before()
+        running = desk.job_report.running
+        if running is not None and running.step == step and not acted:
+            acted.append(step)
             act(desk)
 
-    desk.step = after  # type: ignore[method-assign]
+    desk.notify = after  # type: ignore[method-assign]
 
 
-async def cut(here: ControlHarness, away_s: float) -> tuple[DeviceController, QueuedJob]:
+async def cut(here: ControlHarness, away_s: float) -> tuple[DeviceController, RunningJob]:
     """A device that is unplugged when the second of two settings is written."""
     desk = await here.add(f"{SOURCE}&away_s={away_s}")
     await here.read(desk)
     title = desk.rows["OutputConfiguration"].title
     when(desk, f"Writing {title}", unplug)
-    return desk, desk.add("Write", here.desks.jobs.apply(desk, BOTH, ""))
+    return desk, desk.add("Write", partial(here.desks.jobs.apply, changes=BOTH, reason=""))
 
 
 async def test_a_device_unplugged_during_a_write_shows_no_old_values(tmp_path: Path) -> None:
@@ -107,6 +109,6 @@ async def test_a_read_that_read_nothing_is_not_done(tmp_path: Path) -> None:
     """It ended "Read all settings, done, 0 settings read"."""
     async with house(tmp_path) as here:
         desk = await here.add("sim:xbus?product=MTi-630&rate=20")
-        task = desk.add("Read", here.desks.jobs.read(desk, ["Nothing"], ""))
+        task = desk.add("Read", partial(here.desks.jobs.read, names=["Nothing"], reason=""))
         assert (await over(task)).state == "failed"
         assert "No setting could be read" in task.job.message

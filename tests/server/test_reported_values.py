@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -140,7 +141,7 @@ async def test_a_rate_is_changed_beside_an_output_that_the_tables_do_not_have(tm
         assert [one["data_identifier"] for one in outputs][-2:] == [0x6010, 0xA010]
         slower = [{**one, "output_frequency": 25} if one["output_frequency"] == 50 else one for one in outputs]
         request = plan_changes(desk, {"OutputConfiguration": {"outputs": slower}})
-        work = here.desks.jobs.apply(desk, request.values, "", None, request.current)
+        work = partial(here.desks.jobs.apply, changes=request.values, reason="", base=None, held=request.current)
         job = await over(desk.add("Write", work))
         assert (job.state, job.outcomes) == ("done", [])
         assert FakeMti.stored.hex() == reported.replace("0032", "0019")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ async def faster(here: ControlHarness, desk: DeviceController) -> Any:
     """Apply 921 600 Bd, to be confirmed; the task."""
     await here.read(desk)
     new = at_rate(dict(desk.values["PortConfig"]), FAST)
-    return desk.add("Write Ports", here.desks.jobs.apply(desk, {"PortConfig": new}, ""))
+    return desk.add("Write Ports", partial(here.desks.jobs.apply, changes={"PortConfig": new}, reason=""))
 
 
 def files(data: Path) -> list[Path]:
@@ -67,7 +68,9 @@ async def test_any_change_is_temporary_on_request(tmp_path: Path, keep: bool) ->
     async with house_of(SOURCE, tmp_path, is_read=True) as (here, desk):
         before, new, seconds = desk.values["LocationID"], {"location_id": 7}, 30.0 if keep else 1.0
         assert before != new
-        task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": new}, "", confirm_s=seconds))
+        task = desk.add(
+            "Write", partial(here.desks.jobs.apply, changes={"LocationID": new}, reason="", confirm_s=seconds)
+        )
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
         assert desk.pending_rollback is not None
         assert (desk.pending_rollback.seconds, desk.values["LocationID"]) == (seconds, new)
@@ -118,7 +121,7 @@ async def test_an_answer_that_is_too_late_is_refused(
     monkeypatch.setattr(RollbackStore, held, slow)
     async with house_of(SOURCE, tmp_path) as (here, desk):
         new = {"LocationID": {"location_id": 7}}
-        task = desk.add("Write", here.desks.jobs.apply(desk, new, "", confirm_s=confirm_s))
+        task = desk.add("Write", partial(here.desks.jobs.apply, changes=new, reason="", confirm_s=confirm_s))
         if held == "forget":
             await until(lambda: desk.pending_rollback and desk.pending_rollback.state == "pending", "it asks")
             desk.decide(keep=True)
@@ -182,7 +185,7 @@ async def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
         assert "Restore communication" in job.hint
         assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["unreachable"]
         desk.runner._patience = PATIENT  # from here on it answers
-        restore = desk.add("Restore", here.desks.jobs.restore(desk))
+        restore = desk.add("Restore", here.desks.jobs.restore)
         await until(lambda: is_called(desk), "it calls for a device that gets power")
         cycle(there)
         job = await over(restore)
@@ -202,7 +205,7 @@ async def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: P
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == "unreachable"
         desk.runner._patience = PATIENT  # from here on it answers
-        restore = desk.add("Restore", here.desks.jobs.restore(desk))
+        restore = desk.add("Restore", here.desks.jobs.restore)
         await until(lambda: is_called(desk), "it calls for a device that gets power")
         link = desk.member.access.link
         assert isinstance(link, SimulatorLink)
@@ -225,7 +228,7 @@ async def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_
         house_of(f"serial://{there.slave}?baud=115200", tmp_path, is_read=True, rollback_s=1.0) as (here, desk),
     ):
         change = {"PortConfig": {"words": [0x10002, 0x10000 | FAST, 0]}}
-        task = desk.add("Write Ports", here.desks.jobs.apply(desk, change, ""))
+        task = desk.add("Write Ports", partial(here.desks.jobs.apply, changes=change, reason=""))
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
         assert desk.member.access.baud == rate
         await over(task)
@@ -250,9 +253,9 @@ async def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(
     monkeypatch.setattr(XbusDriver, "is_alive", late)
     async with house_of("sim:xbus?product=MTi-300&baud=921600&rate=20", tmp_path) as (here, desk):
         jobs = here.desks.jobs
-        await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
+        await over(desk.add("Restore", partial(jobs.run, command="RestoreFactoryDef", values={}, changes=True)))
         assert desk.member.access.baud == 921_600
-        job = await over(desk.add("Reset", jobs.run(desk, "Reset", {}, changes=False, restarts=True)))
+        job = await over(desk.add("Reset", partial(jobs.run, command="Reset", values={}, changes=False, restarts=True)))
         assert (job.state, desk.member.access.baud) == ("done", 115_200), job
         assert job.message == "The device uses 115 200 Bd after its restart; the link was changed to it."
         assert not missed
@@ -408,7 +411,7 @@ async def test_a_rollback_of_a_port_under_another_path_adds_it_once(tmp_path: Pa
 async def test_a_device_that_answers_is_no_longer_reported_unreachable(tmp_path: Path) -> None:
     async with bench() as there, house_of(f"serial://{there.slave}?baud=115200", tmp_path) as (here, desk):
         desk.pending_rollback = PendingRollback(desk.device, "unreachable", [], "gone")
-        task = desk.add("Restore communication", here.desks.jobs.restore(desk))
+        task = desk.add("Restore communication", here.desks.jobs.restore)
         await until(lambda: is_called(desk), "it calls for a device that gets power")
         cycle(there)
         await over(task)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +111,7 @@ async def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -
         await there.read(desk)
         seen = {"OutputConfiguration": desk.values["OutputConfiguration"]}
         assert (await there.apply(desk, {"OutputConfiguration": outputs(50)})).state == "done"
-        late = there.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", seen)
+        late = partial(there.desks.jobs.apply, changes={"OutputConfiguration": outputs(10)}, reason="", base=seen)
         task = desk.add("Write", late)
         await task.finished.wait()
         assert task.job.state == "failed"

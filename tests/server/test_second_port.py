@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -35,7 +36,7 @@ def test_the_host_is_on_the_port_that_the_source_names() -> None:
 @each_row(("words", "rate"), [([XBUS_115200, FAST, 0], 921_600), ([FAST, XBUS_115200, 0], 115_200)])
 async def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: list[int], rate: int) -> None:
     async with house_of(UART, tmp_path, is_read=True, rollback_s=60.0) as (here, desk):
-        task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": words}}, ""))
+        task = desk.add("Ports", partial(here.desks.jobs.apply, changes={"PortConfig": {"words": words}}, reason=""))
         await until(lambda: desk.pending_rollback is not None and desk.pending_rollback.state == "pending", "it asks")
         assert desk.member.access.baud == rate
         desk.decide(keep=False)

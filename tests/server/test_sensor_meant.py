@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -65,7 +66,9 @@ async def test_a_change_for_one_sensor_is_not_written_to_another(tmp_path: Path)
         assert desk.member.info.serial_number == OLD  # it was measuring: nothing has told yet
         assert desk.member.info.unconfirmed_since is not None
         base = {"OutputConfiguration": desk.values["OutputConfiguration"]}
-        work = here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", base, sensor=OLD)
+        work = partial(
+            here.desks.jobs.apply, changes={"OutputConfiguration": outputs(10)}, reason="", base=base, sensor=OLD
+        )
         job = await over(desk.add("Write", work))
         assert job.state == "failed"
         assert job.message == f"Another sensor is at this port: {NEW}, not {OLD}. Nothing was written."
@@ -79,7 +82,7 @@ async def test_a_change_for_one_sensor_is_not_written_to_another(tmp_path: Path)
 async def test_values_of_the_sensor_that_is_gone_are_not_shown_as_those_of_the_next(tmp_path: Path) -> None:
     async with swapped(tmp_path) as (here, desk):
         held = desk.values
-        job = await over(desk.add("Read", here.desks.jobs.read(desk, ["FilterProfile"], "")))
+        job = await over(desk.add("Read", partial(here.desks.jobs.read, names=["FilterProfile"], reason="")))
         assert job.state == "done"
         assert len(held) > 1
         assert list(desk.values) == ["FilterProfile"]

@@ -7,6 +7,7 @@ preview.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 
 from imuscope.server.configuration.api_models import PreviewResult
 from imuscope.server.configuration.change_plan import plan_changes, plan_command
-from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.configuration.device_controller import RunningJob
 from imuscope.server.configuration.jobs import Jobs
 from imuscope.server.configuration.preview import preview_command, preview_setting
 from imuscope.server.configuration.rollback import RollbackRun
@@ -58,7 +59,7 @@ async def _write_each_setting(device: LoggingDevice) -> set[str]:
                     request = plan_changes(desk, {name: new})
                 except DomainError:  # a value that cannot be, or more than the line carries
                     continue
-                work = device.here.desks.jobs.apply(desk, request.values, "")
+                work = partial(device.here.desks.jobs.apply, changes=request.values, reason="")
                 if await _compare(device, (name, new), announced, work):
                     written.add(name)
                     break
@@ -69,9 +70,8 @@ async def _write_each_setting(device: LoggingDevice) -> set[str]:
 class KnownSettings(SettingsReader):
     """It takes the settings as they are known: what is read before a command is not the subject here."""
 
-    async def read_settings(
-        self, controller: DeviceController, task: QueuedJob, names: Sequence[str] | None
-    ) -> SettingsSnapshot:
+    async def read_settings(self, running: RunningJob, names: Sequence[str] | None) -> SettingsSnapshot:
+        controller = running.controller
         return SettingsSnapshot(controller.context, dict(controller.values))
 
 
@@ -95,9 +95,9 @@ async def _run_each_command(device: LoggingDevice) -> set[str]:
         except DomainError:
             continue
         options = {"changes": request.changes, "restarts": request.restarts}
-        work = jobs.run(desk, row.name, values, **options)
+        work = partial(jobs.run, command=row.name, values=values, **options)
         if request.setting:
-            work = desks.jobs.apply(desk, request.values, "")
+            work = partial(desks.jobs.apply, changes=request.values, reason="")
         await _compare(device, (row.name, values), announced, work)
         run.add(row.name)
     return run

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,7 @@ async def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
         desks = await both(here)
         sent: list[int] = []
         desks[0].member.listeners.sent.add(lambda data, time: sent.append(data[1]))
-        tasks = [desk.add("Read", here.desks.jobs.read(desk, None, "")) for desk in desks]
+        tasks = [desk.add("Read", partial(here.desks.jobs.read, names=None, reason="")) for desk in desks]
         jobs = [await over(task) for task in tasks]
         assert [job.state for job in jobs] == ["done", "done"]
         assert [bid for bid, _ in itertools.groupby(sent)] == [int(desk.context.device) for desk in desks]
@@ -258,7 +259,7 @@ async def test_the_rate_of_a_further_device_is_rolled_back_unless_confirmed(keep
     async with house(tmp_path, rollback_s=60.0) as here:
         first, desk = await both(here, f"{SOURCE}&port=uart")
         await here.read(desk)
-        task = desk.add("Ports", here.desks.jobs.apply(desk, uart_at_921600(desk), ""))
+        task = desk.add("Ports", partial(here.desks.jobs.apply, changes=uart_at_921600(desk), reason=""))
         await until(lambda: desk.pending_rollback is not None or task.finished.is_set(), "it begins")
         await until(
             lambda: (desk.pending_rollback and desk.pending_rollback.state == "pending") or task.finished.is_set(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ def dids(desk: DeviceController) -> set[int]:
 async def command(
     here: ControlHarness, desk: DeviceController, name: str, restarts: bool = False, **values: object
 ) -> None:
-    work = here.desks.jobs.run(desk, name, values, changes=False, restarts=restarts)
+    work = partial(here.desks.jobs.run, command=name, values=values, changes=False, restarts=restarts)
     job = await over(desk.add(name, work))
     assert job.state == "done", job.message
 
@@ -52,15 +53,15 @@ async def test_values_changed_by_a_command_are_marked_stale_if_unreadable(tmp_pa
     """After user-composed bytes, the setting that they write is unknown until it is read again."""
     async with house_of(MTI, tmp_path, is_read=True) as (here, desk):
         frame = desk.driver.frame("SetLocationID", {"location_id": 9}, desk.context)
-        job = await over(desk.add("Send 7 bytes", here.desks.jobs.raw(desk, frame)))
+        job = await over(desk.add("Send 7 bytes", partial(here.desks.jobs.raw, data=frame)))
         assert job.state == "done"
         assert "LocationID" not in desk.values
         assert desk.missing["LocationID"] == "not read since “Send 7 bytes”"
         assert "OutputConfiguration" in desk.values
         asked = desk.driver.frame("ReqDID", {}, desk.context)
-        await over(desk.add("Ask", here.desks.jobs.raw(desk, asked)))
+        await over(desk.add("Ask", partial(here.desks.jobs.raw, data=asked)))
         assert "OutputConfiguration" in desk.values
-        await over(desk.add("Send 2 bytes", here.desks.jobs.raw(desk, b"\x00\x01")))
+        await over(desk.add("Send 2 bytes", partial(here.desks.jobs.raw, data=b"\x00\x01")))
         assert not desk.values
         await here.read(desk)
         assert not desk.missing
@@ -78,7 +79,7 @@ async def test_a_new_navigation_period_updates_the_streams_form(tmp_path: Path) 
 async def test_unread_outputs_are_not_treated_as_empty(tmp_path: Path) -> None:
     """Regression: the link budget was 0 B/s beside the measured rate."""
     async with house_of(MTI, tmp_path) as (here, desk):
-        await over(desk.add("Read", here.desks.jobs.read(desk, ["LocationID"], "")))
+        await over(desk.add("Read", partial(here.desks.jobs.read, names=["LocationID"], reason="")))
         assert load_of(desk.present, desk.values, 921_600) is None
         merged = {**desk.values, "OutputConfiguration": outputs(100)}
         load = load_of(desk.present, merged, 921_600)

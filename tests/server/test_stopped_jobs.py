@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from imuscope.server.configuration.device_controller import DeviceController, QueuedJob
+from imuscope.server.configuration.device_controller import DeviceController, RunningJob
 from imuscope.server.configuration.rollback import RollbackRecord, RollbackStore
 from tests.server.control_harness import house, house_of
 from tests.timeouts import PATIENCE_S
@@ -21,7 +22,7 @@ class SlowJob:
     def __init__(self) -> None:
         self.may_end, self.is_back = asyncio.Event(), False
 
-    async def work(self, task: QueuedJob) -> None:
+    async def work(self, task: RunningJob) -> None:
         try:
             await asyncio.Event().wait()
         finally:
@@ -29,11 +30,11 @@ class SlowJob:
             self.is_back = True
 
 
-async def endless(task: QueuedJob) -> None:
+async def endless(task: RunningJob) -> None:
     await asyncio.Event().wait()
 
 
-async def running(desk: DeviceController, slow: SlowJob) -> QueuedJob:
+async def running(desk: DeviceController, slow: SlowJob) -> RunningJob:
     task = desk.add("Slow", slow.work)
     await until(lambda: task.job.state == "running", "it runs")
     return task
@@ -99,7 +100,7 @@ async def test_a_job_that_is_stopped_before_it_writes_leaves_nothing_to_roll_bac
 
     monkeypatch.setattr(RollbackStore, "save", slow)
     async with house_of("sim:xbus", tmp_path) as (here, desk):
-        task = desk.add("Write", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 7}}, ""))
+        task = desk.add("Write", partial(here.desks.jobs.apply, changes={"LocationID": {"location_id": 7}}, reason=""))
         await until(begun.is_set, "it is being stored")
         stopping = asyncio.create_task(desk.drop(task.job.id))
         asyncio.get_running_loop().call_later(0.05, may_write.set)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ async def test_a_rollback_restores_a_value_that_the_table_does_not_allow(tmp_pat
     """
     async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
         desk, device = await strange(here)
-        job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+        job = await over(desk.add("Write", partial(here.desks.jobs.apply, changes=CHANGES, reason="")))
         assert "rolled back to the old settings" in job.message
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == "rolled-back"
@@ -89,7 +90,9 @@ async def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow
             assert bool(found.changes) == told
             assert bool(found.problems) != told
         wish = plan_changes(desk, back, lambda: here.desks.snapshots.describe("isb", desk.serial_number))
-        job = await over(desk.add("Write", here.desks.jobs.apply(desk, wish.values, "", held=wish.current)))
+        job = await over(
+            desk.add("Write", partial(here.desks.jobs.apply, changes=wish.values, reason="", held=wish.current))
+        )
         assert (job.state, job.outcomes) == ("done", [])
         assert has(device, "dynamicModel", 1) == MODEL
         other = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL + 1}}
@@ -110,7 +113,7 @@ async def test_a_failed_rollback_ends_and_is_reported(tmp_path: Path, monkeypatc
 
     async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
         desk, _ = await strange(here)
-        job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+        job = await over(desk.add("Write", partial(here.desks.jobs.apply, changes=CHANGES, reason="")))
         assert job.state == "failed"
         assert desk.pending_rollback is not None
         assert (desk.pending_rollback.state, desk.pending_rollback.words) == ("unreachable", rollback.BROKEN)
@@ -131,7 +134,7 @@ async def test_a_value_that_cannot_be_encoded_is_reported_and_the_others_are_res
 
     async with house(tmp_path, rollback_s=0.2, rounds=1, listening=BRIEFEST) as here:
         desk, _ = await strange(here)
-        job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+        job = await over(desk.add("Write", partial(here.desks.jobs.apply, changes=CHANGES, reason="")))
         assert job.message == rollback.NOT_ACCEPTED
         notes = [entry.text for entry in desk.log.tail(limit=2000) if entry.direction == "note"]
         assert any("not sent: dynamicModel does not fit" in text for text in notes)
@@ -150,7 +153,7 @@ async def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back
     async with house(tmp_path, rollback_s=0.2, listening=BRIEFEST) as here:
         desk, device = await strange(here)
         monkeypatch.setattr(atomic_write, "write_atomic", full)
-        task = desk.add("Write", here.desks.jobs.apply(desk, CHANGES, ""))
+        task = desk.add("Write", partial(here.desks.jobs.apply, changes=CHANGES, reason=""))
         await until(task.finished.is_set, "it is over")
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == "rolled-back"

@@ -131,3 +131,15 @@ def test_a_build_without_git_takes_its_commit_from_the_environment(
     [(file, place)] = included["force_include"].items()
     assert (Path(file).read_text(), place) == ("0123abcd\n", "imuscope/server/commit.txt")
     hook.finalize("standard", included, "")
+
+
+def test_an_editable_installation_has_compiled_sources(build: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first start in a clone compiled 450 modules, which took longer than everything else in it."""
+    monkeypatch.setattr(build, "build", lambda: None)
+    monkeypatch.setattr(build, "build_native", lambda: None)
+    monkeypatch.setattr(build, "ROOT", build.WEB.parent)
+    (build.WEB.parent / "server" / "app.py").write_text("pass")
+    hook = build.PackageBuildHook.__new__(build.PackageBuildHook)
+    hook.initialize("editable", {})
+    hook.finalize("editable", {}, "")
+    assert [path.name.partition(".")[0] for path in build.WEB.parent.rglob("*.pyc")] == ["app"]

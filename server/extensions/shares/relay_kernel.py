@@ -24,7 +24,7 @@ HEAD_BYTES = 13  # messages.HEADER and messages.STAMP
 AGREED_NS = 8_000_000  # between two writes to the server, see server_connection.SERVER_NS
 _MONOTONIC = time.CLOCK_MONOTONIC
 _DATA = int(MessageKind.DATA)
-_PORT_READABLE = 0x40  # EPOLLRDNORM: event_loop.RELAYED
+_PORT_READABLE = 0x40  # EPOLLRDNORM, of event_loop.RELAYED
 MS_NS = 1_000_000
 
 epoll_wait = LibraryFunction("epoll_wait", "int32", "int32", "int64", "int32", "int32")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -200,7 +201,9 @@ async def test_a_write_is_reported_even_if_a_report_is_made_in_the_middle_of_it(
             RobotDevice(desk.device, "MTi", "live"),
         )
         before = known.with_settings((device,))[0].settings
-        task = desk.add("Write", here.desks.jobs.apply(desk, {"OutputConfiguration": outputs(20)}, ""))
+        task = desk.add(
+            "Write", partial(here.desks.jobs.apply, changes={"OutputConfiguration": outputs(20)}, reason="")
+        )
         while not task.finished.is_set():
             known.with_settings((device,))
             await asyncio.sleep(0)

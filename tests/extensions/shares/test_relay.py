@@ -131,6 +131,12 @@ def test_another_descriptor_and_the_end_of_the_port_end_it(name: str) -> None:
     ends.close()
 
 
+def test_a_port_also_wakes_the_loop_by_the_bit_of_older_kernels() -> None:
+    """Regression: terminals of older kernels wake a reader that waits for EPOLLIN, not for EPOLLRDNORM alone."""
+    assert RELAYED & select.EPOLLIN
+    assert RELAYED & select.EPOLLRDNORM
+
+
 def test_a_holder_takes_the_priority_that_it_may_have(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(priority.SAME, raising=False)
     calls: list[tuple[Any, ...]] = []

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 MOST_AT_ONCE = 16  # ready descriptors; epoll fills a buffer of 12 kB for the usual thousand, at each wake-up
 READ, WRITE, GONE = select.EPOLLIN, select.EPOLLOUT, select.EPOLLHUP | select.EPOLLERR
-RELAYED, ONCE = select.EPOLLRDNORM, select.EPOLLET
-"""A port that machine code reads: a bit of its own, and each arrival is reported once. Another look at a terminal would
-wait for the kernel's thread that brought the last bytes, which a holder of higher priority has interrupted: two more
-sleeps for each frame.
+RELAYED, ONCE = select.EPOLLIN | select.EPOLLRDNORM, select.EPOLLET
+"""A port that machine code reads: the second bit is its own (the first alone wakes it in older kernels), and each
+arrival is reported once. Another look at a terminal would wait for the kernel's thread that brought the last bytes,
+which a holder of higher priority has interrupted: two more sleeps for each frame.
 """
 
 Handler = Callable[[int], None]
@@ -47,10 +47,10 @@ class EventLoop:
             with contextlib.suppress(OSError):
                 self._epoll.unregister(fd)
 
-    def run_once(self, timeout_s: float) -> None:
-        """Call the handlers of descriptors that are ready now, or within the time."""
+    def run_once(self, timeout_s: float, first: int = -1) -> None:
+        """Call the handlers of descriptors that are ready now, or within the time; `first` before others."""
         handlers = self._handlers
-        for fd, event in self._epoll.poll(timeout_s, MOST_AT_ONCE):
+        for fd, event in sorted(self._epoll.poll(timeout_s, MOST_AT_ONCE), key=lambda one: one[0] != first):
             handler = handlers.get(fd)
             if handler is not None:  # else one before it has forgotten it
                 handler(event)

@@ -139,8 +139,8 @@ class Holder:
         if state == PORT_FAILED:
             self._on_port(READ)
         elif state == OTHERS:
-            self._expect_port(READ)  # also its end may have been reported, and only once
-            self._loop.run_once(0)
+            self._expect_port(READ)  # also its end may have been reported, once: before a server gets the state
+            self._loop.run_once(0, self.port.fd)
         return True
 
     def end(self, *_: Any) -> None:
@@ -239,7 +239,7 @@ class Holder:
             self._expect_port(READ | WRITE)
 
     def _expect_port(self, events: int) -> None:
-        self._relays = bool(events & RELAYED)
+        self._relays = events & RELAYED == RELAYED
         self._loop.expect(self.port.fd, events)
 
     def _on_client_sent(self, client: Client, data: bytes) -> None:
