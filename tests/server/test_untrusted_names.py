@@ -156,7 +156,7 @@ def test_hostile_names_open_nothing(name: str, running: InProcessServer, folder:
             "/api/recordings/{}",
             "/api/recordings/{}/download",
             "/api/recordings/{}/original",
-            "/api/devices/{}/control",
+            "/api/devices/{}/jobs",
         ),
         *("/api/recordings/exports/{}/file", f"/api/devices/{device}/snapshots/{{}}", "/viser/{}/", "/rerun/{}", "/{}"),
         *("/api/views/scene?device={}", f"/api/devices/{device}/query?channel={{}}", "/api/tiles/{}/0/0"),

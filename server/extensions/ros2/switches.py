@@ -2,8 +2,7 @@
 
     ros2.json    {"switched_off": ["1 imu/mag", "2 /diagnostics"]}        id of the device, its topic
 
-Earlier versions had the name of the node in place of the id: "/mti_630/imu/mag", "/diagnostics /mti_630". The file is
-replaced atomically; unreadable parts count as absent, so that every topic is published.
+The file is replaced atomically; unreadable parts count as absent, so that every topic is published.
 """
 
 from __future__ import annotations
