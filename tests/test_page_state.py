@@ -1,7 +1,7 @@
 """Module state of the page: each instance is listed with its reason, and none is added.
 
 What is shown, selected, typed or opened belongs to a component (useSignal), to a view (web/src/data/view-state.ts) or
-to a page (web/src/pages/app-state.ts), so that two of them in one document know nothing of each other.
+to a page (web/src/page/app-state.ts), so that two of them in one document know nothing of each other.
 """
 
 from __future__ import annotations

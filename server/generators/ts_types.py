@@ -1,6 +1,6 @@
 """`python -m imuscope.server.generators.ts_types`: all TypeScript files generated from the server.
 
-server/wire/ and the models of two pages ─> web/src/{wire,forms,recordings}/types.ts   server/reference/typescript.py
+server/wire/ and the models of two pages ─> web/src/wire/{,form-,recording-}types.ts   server/reference/typescript.py
 /openapi.json                              ─> web/src/wire/routes.ts                    server/generators/route_types.py
 
 python -m imuscope.server.generators.ts_types            write the files

@@ -1,9 +1,9 @@
 """TypeScript types of the wire and the forms, generated from the dataclasses.
 
     server/wire/                        ─> web/src/wire/types.ts              messages of the WebSocket
-    server/wire/capabilities.py              ─> web/src/wire/capability-types.ts   capabilities of the server
-    server/configuration/api_models.py  ─> web/src/forms/types.ts             HTTP API of the Configure page
-    server/library/api_models.py        ─> web/src/recordings/types.ts        HTTP API of the Recordings page
+    server/wire/capabilities.py         ─> web/src/wire/capability-types.ts   capabilities of the server
+    server/configuration/api_models.py  ─> web/src/wire/form-types.ts         HTTP API of the Configure page
+    server/library/api_models.py        ─> web/src/wire/recording-types.ts        HTTP API of the Recordings page
 
 Fields are added only there. This file reads their *source*, so that order, docstrings and the comments behind fields
 are copied to the TypeScript. It converts
@@ -37,7 +37,7 @@ from imuscope.server.library import api_models as recorded
 from imuscope.server.wire import capabilities
 
 PAGE = Path(__file__).resolve().parents[2] / "web" / "src"
-IMPORTED = {"imuscope.server.wire": "../wire/types", "imuscope.server.wire.capabilities": "./capability-types"}
+IMPORTED = {"imuscope.server.wire": "./types", "imuscope.server.wire.capabilities": "./capability-types"}
 BORROWED = ("imuscope.protocols.", "imuscope.recordings.")
 SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}
 
@@ -241,8 +241,8 @@ TARGETS = (
         (wire.channels, wire.devices, wire.events, wire.jobs, wire.recordings, wire.messages),
     ),
     Target(capabilities, PAGE / "wire" / "capability-types.ts", "what the server can do"),
-    Target(forms, PAGE / "forms" / "types.ts", "the forms", parts=(editor_choices,)),
-    Target(recorded, PAGE / "recordings" / "types.ts", "the recordings"),
+    Target(forms, PAGE / "wire" / "form-types.ts", "the forms", parts=(editor_choices,)),
+    Target(recorded, PAGE / "wire" / "recording-types.ts", "the recordings"),
 )
 
 

@@ -1,6 +1,6 @@
 """Extensions of the page: nothing names one, and the page is built and opens without any of them.
 
-web/src/extension.tsx is their door, web/src/extensions/NAME/ holds each.
+web/src/extension/extension.tsx is their door, web/src/extensions/NAME/ holds each.
 """
 
 from __future__ import annotations

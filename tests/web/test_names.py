@@ -31,4 +31,4 @@ def test_times_and_numbers_are_written_by_the_page_itself() -> None:
     """Never in the language and time zone of the browser: a time would be of another zone than all others."""
     sources = [path for path in sorted(SOURCES.rglob("*.ts*")) if ".test." not in path.name]
     found = [path.name for path in sources if re.search(r"\.toLocale\w*\(", path.read_text(encoding="utf-8"))]
-    assert not found, f"{', '.join(found)}: use web/src/ui/format.ts"
+    assert not found, f"{', '.join(found)}: use web/src/ui/format/format.ts"

@@ -1,5 +1,5 @@
 /** Attitude of the sensor as a turning box with its own axes, over a floor labelled with the frame's axes. */
-import { css, font, type Surface } from "../ui/canvas";
+import { css, font, type Surface } from "../ui/dom/canvas";
 import type { Matrix3, Vector3, WorldFrame } from "../data/rotations";
 import { apply, axesOf, type Camera, project } from "./projection";
 

@@ -1,6 +1,6 @@
 /** The artificial horizon, drawn like the pilot's instrument: it shows the world, not a sign convention. */
-import { css, font, type Surface } from "../ui/canvas";
-import { number } from "../ui/format";
+import { css, font, type Surface } from "../ui/dom/canvas";
+import { number } from "../ui/format/format";
 import type { Horizon } from "./projection";
 
 const DEGREE = Math.PI / 180;

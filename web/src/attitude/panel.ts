@@ -4,7 +4,7 @@
  * the output to switch on instead of an empty instrument.
  */
 import { effect } from "@preact/signals";
-import { fromExtensions } from "../extension";
+import { fromExtensions } from "../extension/extension";
 import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/rotations";
 import { bodyOf, pairIn } from "../data/frames";
 import type { Channel } from "../data/channels";
@@ -12,9 +12,9 @@ import type { ViewState } from "../data/view-state";
 import { channelsOf, reading, sampleAt, selected } from "../panels/panel-context";
 import type { Deps } from "../page/context";
 import { trustOf } from "../panels/authenticity";
-import { surface } from "../ui/canvas";
-import { el, throttle, LiveText, type Panel, unit } from "../ui/dom";
-import { number } from "../ui/format";
+import { surface } from "../ui/dom/canvas";
+import { el, throttle, LiveText, type Panel, unit } from "../ui/dom/dom";
+import { number } from "../ui/format/format";
 import { protocolOf } from "../wire/capabilities";
 import { drawBody } from "./body";
 import { drawHorizon } from "./horizon";
@@ -30,7 +30,7 @@ export interface AttitudeCell {
   readonly mount: (host: HTMLElement, deps: Deps) => Panel;
 }
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Extension {
     /** Cells beside the attitude. */
     readonly attitudeCells?: readonly AttitudeCell[];

@@ -1,6 +1,6 @@
 /** Axes of a chart of figures: linear or logarithmic scales, their ticks, and curves thinned to what pixels can show. */
 
-import { niceStep } from "../plots/scale";
+import { niceStep } from "./scale";
 
 export type Kind = "linear" | "log";
 

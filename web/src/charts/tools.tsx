@@ -2,7 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { hasCursors, type ViewState } from "../data/view-state";
 import { COMMON } from "../texts/common";
-import { type ChoiceOption, Select } from "../ui/choices";
+import { type ChoiceOption, Select } from "../ui/controls/choices";
 import "./tools.css";
 
 export function ChartTools({ children }: { readonly children: ComponentChildren }) {

@@ -5,8 +5,8 @@
 import type { View, Cursor, PlotOrder, YAxis, XyChoice, HistogramChoice, ViewSignals, ViewParts } from "./view";
 import { computed, signal } from "@preact/signals";
 import type { WorldFrame } from "./rotations";
-import { DEFAULT_ORDER } from "../plots/plot-order";
-import { DEFAULT_LAYOUT } from "../workspace/layout";
+import { DEFAULT_ORDER } from "./plot-order";
+import { DEFAULT_LAYOUT } from "./layout";
 import { ViewActions } from "./view-actions";
 
 export interface ViewState extends ViewSignals, ViewParts {

@@ -1,6 +1,6 @@
 /** What a view of samples is made of: types that plots, panels and the store share. */
 import type { ReadonlySignal, Signal } from "@preact/signals";
-import type { Layout } from "../workspace/layout";
+import type { Layout } from "./layout";
 import type { Channel } from "./channels";
 import type { WorldFrame } from "./rotations";
 
@@ -95,7 +95,7 @@ export interface CustomPlot {
   readonly signals: readonly SignalRef[];
 }
 
-/** The order of the plots, by key, and chosen heights, px, as far as a person chose them (plots/plot-order.ts). */
+/** The order of the plots, by key, and chosen heights, px, as far as a person chose them (data/plot-order.ts). */
 export interface PlotOrder {
   readonly order?: readonly string[];
   readonly heights?: Readonly<Record<string, number>>;

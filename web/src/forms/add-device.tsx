@@ -4,11 +4,11 @@
  */
 import { type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
-import { Button } from "../ui/button";
-import { Select } from "../ui/choices";
-import { api, type HowToRead, type Outcome, type HttpProblem } from "../ui/http";
-import { Dialog } from "../ui/dialog";
-import { ProblemNote } from "../ui/problem-note";
+import { Button } from "../ui/controls/button";
+import { Select } from "../ui/controls/choices";
+import { api, type HowToRead, type Outcome, type HttpProblem } from "../requests/http";
+import { Dialog } from "../ui/controls/dialog";
+import { ProblemNote } from "../requests/problem-note";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 import { capabilities } from "../wire/capabilities";

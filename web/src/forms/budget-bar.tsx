@@ -1,8 +1,8 @@
 /** The link budget as one bar: the share of every output, its previous value, the possible rates of the device. */
 import type { ComponentChildren } from "preact";
-import { number } from "../ui/format";
+import { number } from "../ui/format/format";
 import { barOf, capacityAt, overWords } from "./budget";
-import type { LoadInfo } from "./types";
+import type { LoadInfo } from "../wire/form-types";
 import { TEXT } from "../texts/forms";
 
 interface Props {

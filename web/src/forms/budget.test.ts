@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { barOf, overWords, ratesOf } from "./budget";
 import { field, forms, setting } from "../testing/fixtures";
-import type { LoadInfo } from "./types";
+import type { LoadInfo } from "../wire/form-types";
 
 const load = (parts: number[], capacity: number | null = 11_520, baud: number | null = 115_200): LoadInfo => ({
   parts: parts.map((bytes_per_s, k) => ({ path: `outputs.${k}`, title: `Output ${k}`, bytes_per_s })),

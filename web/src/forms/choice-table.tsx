@@ -1,8 +1,8 @@
 /** A table of selectable outputs of a device: a row for each, with its load on the line and its previous state. */
 import type { ComponentChildren } from "preact";
-import { number } from "../ui/format";
+import { number } from "../ui/format/format";
 import type { FormContext } from "./form-context";
-import type { LoadInfo } from "./types";
+import type { LoadInfo } from "../wire/form-types";
 import { TEXT } from "../texts/forms";
 
 interface TableProps {

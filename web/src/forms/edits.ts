@@ -2,7 +2,7 @@
  * Edits of the user and their requests. Pure: present values and drafts in, differences out. A draft is a whole setting after the
  * edit; a draft equal to the present value is not a change.
  */
-import type { ApplyRequest, FieldForm, Forms, SettingForm } from "./types";
+import type { ApplyRequest, FieldForm, Forms, SettingForm } from "../wire/form-types";
 import { at, joined, type Path, same, type FormValues } from "./values";
 
 /** Whole settings after the edits, by name. */

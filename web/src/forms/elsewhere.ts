@@ -1,9 +1,9 @@
 /** Words for a change by another user: "Output configuration, Acceleration: 100 → 50 Hz". Pure. */
 import { TEXT } from "../texts/forms";
-import { NONE } from "../ui/format";
+import { NONE } from "../ui/format/format";
 import { keyedList } from "./edits";
 import type { RemoteChange } from "./rebase";
-import type { FieldForm, Forms } from "./types";
+import type { FieldForm, Forms } from "../wire/form-types";
 import { at, joined, type FormValues, whereOf, valueWords } from "./values";
 
 /** @param now the setting as on the device */

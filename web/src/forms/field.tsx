@@ -1,6 +1,6 @@
 /** A field of a form: name, help, input, range, previous value. Records and lists are drawn from the fields inside them. */
-import { Message } from "../ui/message";
-import { labelWords as named } from "../ui/labels";
+import { Message } from "../ui/controls/message";
+import { labelWords as named } from "../ui/format/labels";
 import { wasAt } from "./edits";
 import {
   BoolInput,
@@ -14,7 +14,7 @@ import {
 } from "./inputs";
 import { ListInput } from "./list-input";
 import { idOf, problemAt, type FormContext } from "./form-context";
-import type { FieldForm } from "./types";
+import type { FieldForm } from "../wire/form-types";
 import { joined, type Path, rangeWords, valueWords } from "./values";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";

@@ -1,5 +1,5 @@
 /** Context of a form's widgets: values, previous values, problems, and the callback for new values. */
-import type { FieldProblem } from "./types";
+import type { FieldProblem } from "../wire/form-types";
 import { joined, type Path, type FormValues } from "./values";
 
 export interface FormContext {

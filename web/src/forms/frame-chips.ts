@@ -1,5 +1,5 @@
 /** A frame as chips: groups of bytes with their meaning, by field. Pure. */
-import type { FrameInfo, ByteRange } from "./types";
+import type { FrameInfo, ByteRange } from "../wire/form-types";
 
 export interface Chip {
   readonly key: string;

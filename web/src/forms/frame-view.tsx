@@ -1,9 +1,9 @@
 /** The frames to be sent, as annotated bytes: pointing at a row highlights the row, its bytes and its share. */
 import { useState } from "preact/hooks";
-import { Button } from "../ui/button";
-import { copyText } from "../ui/copy";
+import { Button } from "../ui/controls/button";
+import { copyText } from "../ui/dom/copy";
 import { chipsOf, spelled } from "./frame-chips";
-import type { FrameInfo } from "./types";
+import type { FrameInfo } from "../wire/form-types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 

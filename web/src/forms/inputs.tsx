@@ -1,9 +1,9 @@
 /** One input for each kind of value: number, choice, flags, switch, text, bytes, vector. Invalid input is reported while typing. */
 import { useEffect, useState } from "preact/hooks";
-import { Select } from "../ui/choices";
-import { labelWords as named } from "../ui/labels";
+import { Select } from "../ui/controls/choices";
+import { labelWords as named } from "../ui/format/labels";
 import { idOf, type FormContext } from "./form-context";
-import type { FieldForm } from "./types";
+import type { FieldForm } from "../wire/form-types";
 import {
   at,
   big,

@@ -1,12 +1,12 @@
 /** A list to fill in: entries that can be added, removed and put in another order; each a record, a word of flags, or a number. */
-import { Button } from "../ui/button";
-import { IconButton } from "../ui/icon-button";
+import { Button } from "../ui/controls/button";
+import { IconButton } from "../ui/controls/icon-button";
 import { wasAt } from "./edits";
 import { FieldEditor, FieldList } from "./field";
 import type { InputProps } from "./inputs";
 import type { FormContext } from "./form-context";
 import { hasMeanings, meantFields, signedContext } from "./meanings";
-import type { FieldForm } from "./types";
+import type { FieldForm } from "../wire/form-types";
 import { at, initialElement, type Path, type FormValues, valueWords } from "./values";
 import { TEXT } from "../texts/forms";
 

@@ -2,7 +2,7 @@ import { expect, it } from "vitest";
 import { field } from "../testing/fixtures";
 import type { FormContext } from "./form-context";
 import { hasMeanings, meantFields, signedContext } from "./meanings";
-import type { Meaning } from "./types";
+import type { Meaning } from "../wire/form-types";
 import { at, read, typed } from "./values";
 
 const meaning = (given: Partial<Meaning> & Pick<Meaning, "values" | "title">): Meaning => ({

@@ -5,7 +5,7 @@
  *     wire 0…65535 ──signed: two's complement──▶ −32768…32767 ──× scale──▶ shown
  */
 import type { FormContext } from "./form-context";
-import type { FieldForm, Meaning } from "./types";
+import type { FieldForm, Meaning } from "../wire/form-types";
 import { at, joined, type Path, put, type FormValues } from "./values";
 
 /** The fields of a record, each with the meaning that it has there. */

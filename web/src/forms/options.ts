@@ -1,6 +1,6 @@
 /** Texts that a field can be set to: those that its product takes, as far as the device lists them. Pure. */
 import type { Present } from "./edits";
-import type { SettingForm, TextList } from "./types";
+import type { SettingForm, TextList } from "../wire/form-types";
 
 /** Options of the fields of a setting, by name; fields that may hold any text are not in it. */
 export function optionsOf(form: SettingForm, present: Present): Readonly<Record<string, readonly string[]>> {

@@ -1,5 +1,5 @@
 /** The outputs of a device as a table: which, at what rate, in which variant, and their load on the line. */
-import { Select } from "../ui/choices";
+import { Select } from "../ui/controls/choices";
 import { ChoiceRow, ChoiceTable } from "./choice-table";
 import type { FormContext } from "./form-context";
 import {
@@ -16,7 +16,7 @@ import {
   toggled,
   withVariantBits,
 } from "./rate-table";
-import type { FieldForm, KeyVariant, LoadInfo, RateTable } from "./types";
+import type { FieldForm, KeyVariant, LoadInfo, RateTable } from "../wire/form-types";
 import { at, initialElement } from "./values";
 import { TEXT } from "../texts/forms";
 

@@ -10,7 +10,7 @@ import {
   toggled,
   withVariantBits,
 } from "./rate-table";
-import type { RateTable } from "./types";
+import type { RateTable } from "../wire/form-types";
 
 const EVERY = OUTPUTS.every;
 const TABLE: RateTable = {

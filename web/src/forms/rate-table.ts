@@ -4,8 +4,8 @@
  *
  *     key 0x4024 = quantity 0x4020 | variant 4        rate: Hz, or a divisor of the quantity's own rate
  */
-import { NONE, number } from "../ui/format";
-import type { KeyVariant, RateRow, RateTable } from "./types";
+import { NONE, number } from "../ui/format/format";
+import type { KeyVariant, RateRow, RateTable } from "../wire/form-types";
 import { TEXT } from "../texts/forms";
 
 export type Entry = Readonly<Record<string, number>>;

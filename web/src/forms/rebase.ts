@@ -7,7 +7,7 @@
  * If both changed the same value, the edit stays in the form, and the page shows the device's value.
  */
 import { changesOf, keyedList } from "./edits";
-import type { SettingForm } from "./types";
+import type { SettingForm } from "../wire/form-types";
 import { at, joined, type Path, put, same, type FormValues } from "./values";
 
 /** A value changed by another user. */

@@ -1,5 +1,5 @@
 /** Search of settings and commands by a few letters. Pure; names rank before titles, titles before descriptions. */
-import type { FieldForm, Forms, RateTable } from "./types";
+import type { FieldForm, Forms, RateTable } from "../wire/form-types";
 
 interface Found {
   readonly kind: "setting" | "command";

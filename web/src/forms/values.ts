@@ -5,8 +5,8 @@
  *
  * A float32 is shown with its seven digits. Integers beyond 2^53 are decimal strings, as on the wire.
  */
-import { NONE, number } from "../ui/format";
-import type { FieldForm } from "./types";
+import { NONE, number } from "../ui/format/format";
+import type { FieldForm } from "../wire/form-types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 

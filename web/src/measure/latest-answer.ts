@@ -2,7 +2,7 @@
  * The newest answer of the server to a question that keeps changing, as a range does while it is dragged: one request at a time, soon
  * after the question has stood still, and now and then while it moves.
  */
-import type { Outcome, HttpProblem } from "../ui/http";
+import type { Outcome, HttpProblem } from "../requests/http";
 
 /** A question is asked after it has stood still for this long, ms, and a changing one this often. */
 const REST_MS = 150;

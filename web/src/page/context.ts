@@ -6,16 +6,16 @@ import type { Stats } from "../data/statistics";
 import type { Store } from "../data/store";
 import type { TimeBase } from "../data/view";
 import type { ViewState } from "../data/view-state";
-import type { ExtensionOverlay } from "../extension";
+import type { ExtensionOverlay } from "../extension/extension";
 import type { Begin } from "../forms/add-device";
 import type { SampleAccess } from "../measure/sample-access";
-import type { CursorReading } from "../panels/cursor-time";
-import type { RecentHealth } from "../panels/health-history";
-import type { HttpProblem, Port } from "../ui/http";
-import type { PageState } from "../ui/page-state";
+import type { CursorReading } from "../data/cursor-time";
+import type { RecentHealth } from "../data/health-history";
+import type { HttpProblem, Port } from "../requests/http";
+import type { PageState } from "./page-state";
 import type { DeviceInfo, EventInfo } from "../wire/types";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Extension {
     readonly dialogs?: readonly ExtensionDialog[];
     /** Called once for each page of a document. */

@@ -1,32 +1,32 @@
 /** The devices with their state, and other ports of this host with data. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { Slot } from "../extension";
+import { Slot } from "../extension/extension";
 import { recently } from "../panels/panel-context";
-import { rateBars } from "../panels/health-history";
+import { rateBars } from "../data/health-history";
 import { drawBars } from "../panels/sparkline";
 import { keyWanted, trustOf } from "../panels/authenticity";
-import { Button } from "../ui/button";
-import { api, type Port } from "../ui/http";
-import { surface } from "../ui/canvas";
+import { Button } from "../ui/controls/button";
+import { api, type Port } from "../requests/http";
+import { surface } from "../ui/dom/canvas";
 import { behindCause, behindHint } from "../panels/behind-text";
-import { el, throttle, type Panel } from "../ui/dom";
-import { age, clock, rate } from "../ui/format";
-import { IconButton } from "../ui/icon-button";
-import { Message } from "../ui/message";
-import { PanelHost } from "../ui/panel-host";
-import { markOf, shortSource } from "../ui/page-state";
+import { el, throttle, type Panel } from "../ui/dom/dom";
+import { age, clock, rate } from "../ui/format/format";
+import { IconButton } from "../ui/controls/icon-button";
+import { Message } from "../ui/controls/message";
+import { PanelHost } from "../panels/panel-host";
+import { markOf, shortSource } from "../page/page-state";
 import { fullName, shortName } from "../wire/device-name";
 import { MESSAGES, protocolOf } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
 import { ResumeButton } from "./empty-states";
-import { askKey, connect, linkOf, run, scanPorts, select } from "./app-state";
+import { askKey, connect, linkOf, run, scanPorts, select } from "../page/app-state";
 import type { App, DeviceActionProps } from "../page/context";
-import { SimulatedTag } from "../ui/simulated-tag";
+import { SimulatedTag } from "../ui/controls/simulated-tag";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Slots {
     /** Actions of the selected device. */
     readonly deviceActions: DeviceActionProps;

@@ -3,7 +3,7 @@
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { openPage } from "../testing/live-page";
-import { route } from "./route";
+import { route } from "../page/route";
 import { type Answers, recorded, type Family, type Scene } from "../testing/recorded";
 import { dialogNamed, noDialog } from "../testing/queries";
 

@@ -1,9 +1,9 @@
 /** The dialogs of Live and of an open recording, each fetched when it is first opened. */
-import { late } from "../ui/late";
+import { late } from "../ui/dom/late";
 
 export const LateAddDevice = late(async () => (await import("../forms/add-device")).AddDevice);
 export const LateExportDialog = late(async () => (await import("./recordings/export-dialog")).ExportDialog);
 export const LateMemoryDialog = late(async () => (await import("./memory-dialog")).MemoryDialog);
 export const LatePacket = late(async () => (await import("./packet-dialog")).OpenPacket);
-export const LateSignalsPanel = late(async () => (await import("../signals/panel")).SignalsPanel);
+export const LateSignalsPanel = late(async () => (await import("../panels/signals/panel")).SignalsPanel);
 export const LateYAxisDialog = late(async () => (await import("../plots/y-axis-dialog")).YAxisDialog);

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { App } from "../page/context";
-import { go, route } from "./route";
+import { go, route } from "../page/route";
 import { TEXT } from "../texts/live";
 
 /** Whether files are dragged, not text of the page. */

@@ -1,23 +1,23 @@
 /** Placeholder for the plots while there is nothing to plot: the cause, the facts, and one main action. */
-import { Slot } from "../extension";
-import { Button } from "../ui/button";
-import { api, type HttpProblem } from "../ui/http";
-import { Band } from "../ui/band";
-import { Card, Hint } from "../ui/card";
-import { age, clock } from "../ui/format";
-import { Message } from "../ui/message";
-import { shortSource } from "../ui/page-state";
+import { Slot } from "../extension/extension";
+import { Button } from "../ui/controls/button";
+import { api, type HttpProblem } from "../requests/http";
+import { Band } from "../ui/controls/band";
+import { Card, Hint } from "../ui/controls/card";
+import { age, clock } from "../ui/format/format";
+import { Message } from "../ui/controls/message";
+import { shortSource } from "../page/page-state";
 import { deviceInLink, fullName, writeName } from "../wire/device-name";
 import { capabilities } from "../wire/capabilities";
 import type { DeviceInfo } from "../wire/types";
-import { connect, linkOf, run, scanPorts } from "./app-state";
+import { connect, linkOf, run, scanPorts } from "../page/app-state";
 import type { App } from "../page/context";
 import { portWords } from "./device-sidebar";
 import { SavedBand } from "./record-button";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Slots {
     /** Bands over every page. */
     readonly bands: { readonly app: App };

@@ -19,7 +19,7 @@ const BY_ITSELF =
 
 /** Each is on screen because a person pressed something just now. */
 const OPENED_BY_A_PERSON = [
-  "../completion/use-completion.ts",
+  "../ui/completion/use-completion.ts",
   "../extensions/alarms/panel.tsx",
   "../extensions/expressions/expression-input.tsx",
   "../extensions/fleet/robots/details.tsx",
@@ -31,9 +31,9 @@ const OPENED_BY_A_PERSON = [
   "../pages/configure/snapshot.tsx",
   "../pages/record-button.tsx",
   "../pages/recordings/markers.tsx",
-  "../signals/panel.tsx",
-  "../ui/dialog.tsx",
-  "../ui/search-field.tsx",
+  "../panels/signals/panel.tsx",
+  "../ui/controls/dialog.tsx",
+  "../ui/controls/search-field.tsx",
   "../workspace/arrange.tsx",
 ];
 /** Only after a press of this very page, and never on a button (below). */

@@ -1,10 +1,10 @@
 /** Bands for refused or unverified data and the remedy, never over the data. */
 import { keyWanted, keyWrong, trustOf } from "../panels/authenticity";
-import { Button } from "../ui/button";
-import { api } from "../ui/http";
-import { Band } from "../ui/band";
-import { Message } from "../ui/message";
-import { askKey, linkOf, run } from "./app-state";
+import { Button } from "../ui/controls/button";
+import { api } from "../requests/http";
+import { Band } from "../ui/controls/band";
+import { Message } from "../ui/controls/message";
+import { askKey, linkOf, run } from "../page/app-state";
 import type { App } from "../page/context";
 import { TEXT } from "../texts/live";
 

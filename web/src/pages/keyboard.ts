@@ -1,12 +1,12 @@
-/** Handles keys by the table in ui/keys.ts. */
-import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
+/** Handles keys by the table in page/keys.ts. */
+import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../page/keys";
 import type { App } from "../page/context";
-import { VIEW_ONLY } from "../ui/http";
+import { VIEW_ONLY } from "../requests/http";
 import { isViewOnly } from "../wire/capabilities";
-import { showsPlots } from "../ui/page-state";
+import { showsPlots } from "../page/page-state";
 import { shareLive } from "./share";
 import { askForRecord, beginNote, mark, toggleRecord } from "./record-button";
-import { go, isRemote, type PageName, pagesOf, route } from "./route";
+import { go, isRemote, type PageName, pagesOf, route } from "../page/route";
 
 export function startKeyboard(app: App): () => void {
   const pageAfter = chords(app);

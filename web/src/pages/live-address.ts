@@ -5,14 +5,14 @@
  *     #/?device=2&t0=…&t1=…&cursor=…&measure=…                             while paused: as long as the server has the data
  */
 import type { ViewState } from "../data/view-state";
-import { type LinkedPlace, placeQuery, readPlace, seriesOf, takeSeries } from "../recordings/permalink";
-import { copyText } from "../ui/copy";
+import { type LinkedPlace, placeQuery, readPlace, seriesOf, takeSeries } from "../page/permalink";
+import { copyText } from "../ui/dom/copy";
 import { applyLinkText, linkTextOf } from "../workspace/parts";
 import { sessionOf } from "../workspace/session";
 import type { App } from "../page/context";
 import { keepAddress } from "./keep-address";
 import { linkName } from "../wire/device-name";
-import { href, route } from "./route";
+import { href, route } from "../page/route";
 
 /** Content of a link to the view. */
 export function livePlace(of: ViewState): LinkedPlace {

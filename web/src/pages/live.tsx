@@ -1,19 +1,19 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
-import { fromExtensions, Slot } from "../extension";
+import { fromExtensions, Slot } from "../extension/extension";
 import { placesOf } from "../plots/markers";
 import { mountStack } from "../plots/plot-stack";
 import type { UnderPlots } from "../plots/under-plots";
-import { showsPlots } from "../ui/page-state";
+import { showsPlots } from "../page/page-state";
 import { MainColumn } from "../workspace/main-column";
 import { ArrangeTools } from "../workspace/arrange";
 import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
 import { LiveViewer, LiveViews } from "../views/viewers";
-import { select } from "./app-state";
+import { select } from "../page/app-state";
 import type { App } from "../page/context";
 import { LateAddDevice, LateMemoryDialog, LateSignalsPanel, LateYAxisDialog } from "./dialogs";
 import { TopBar, Dock } from "./top-bar";
-import { PageOverlays } from "./recordings/overlays";
+import { PageOverlays } from "./overlays";
 import { Rail } from "./device-sidebar";
 import { RowsDialog } from "./rows";
 import { SideColumn, Strip } from "./side-panels";

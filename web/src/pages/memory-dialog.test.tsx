@@ -2,7 +2,7 @@
 /** What is in memory is saved as a recording, or exported, for the range in view. */
 import { act, fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
-import type { RecordingInfo } from "../recordings/types";
+import type { RecordingInfo } from "../wire/recording-types";
 import { newApp } from "../testing/live-page";
 import { answering, type Asked, recorded } from "../testing/recorded";
 import { capabilities } from "../wire/capabilities";
@@ -10,8 +10,8 @@ import type { ExportCapability } from "../wire/capability-types";
 import type { App } from "../page/context";
 import { MemoryDialog } from "./memory-dialog";
 import { SavedBand } from "./record-button";
-import { route } from "./route";
-import { exportingOf } from "./recordings/exporting";
+import { route } from "../page/route";
+import { exportingOf } from "../recordings/exporting";
 
 const NOW = 1_760_000_000;
 const SAVED = { id: "yard", devices: ["1"], t0: NOW - 21, t1: NOW + 1, bytes: 44_000 };

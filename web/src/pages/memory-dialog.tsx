@@ -1,22 +1,22 @@
 /** Saves or exports what has just happened: the bytes of live devices that the server has in memory. */
 import { useSignal } from "@preact/signals";
-import { Slot } from "../extension";
+import { Slot } from "../extension/extension";
 import { recordingsApi } from "../recordings/api";
 import { bytes, length } from "../recordings/library-filter";
-import type { SavedMemory } from "../recordings/types";
-import { Button } from "../ui/button";
-import { Segmented } from "../ui/choices";
-import { Dialog } from "../ui/dialog";
-import { clock } from "../ui/format";
-import type { HttpProblem } from "../ui/http";
-import { ProblemNote } from "../ui/problem-note";
-import { usePolled } from "../ui/use-polled";
+import type { SavedMemory } from "../wire/recording-types";
+import { Button } from "../ui/controls/button";
+import { Segmented } from "../ui/controls/choices";
+import { Dialog } from "../ui/controls/dialog";
+import { clock } from "../ui/format/format";
+import type { HttpProblem } from "../requests/http";
+import { ProblemNote } from "../requests/problem-note";
+import { usePolled } from "../requests/use-polled";
 import type { App } from "../page/context";
 import { showSaved } from "./record-button";
-import { exportingOf } from "./recordings/exporting";
+import { exportingOf } from "../recordings/exporting";
 import { TEXT } from "../texts/live";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Slots {
     /** What can be made of the bytes in memory besides a recording. */
     readonly memoryActions: { readonly app: App; readonly disabled: boolean };

@@ -1,6 +1,6 @@
 /** Frames of a device around a moment: those of a live device from memory, those of a recording from its file. */
 import type { PacketAt } from "../page/context";
-import { type Outcome, request } from "../ui/http";
+import { type Outcome, request } from "../requests/http";
 import type { PacketInfo, PacketView } from "../wire/routes";
 import { TEXT } from "../texts/packets";
 

@@ -1,7 +1,7 @@
 /** The rows of a table, over the page: opened from its line among the values. */
 import { mountRows } from "../panels/rows";
-import { Dialog } from "../ui/dialog";
-import { PanelHost } from "../ui/panel-host";
+import { Dialog } from "../ui/controls/dialog";
+import { PanelHost } from "../panels/panel-host";
 import type { Deps } from "../page/context";
 import type { App } from "../page/context";
 

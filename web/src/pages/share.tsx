@@ -1,7 +1,7 @@
 /** The link to what is on screen on Live: a button and its key. */
 import { signal } from "@preact/signals";
-import { IconButton } from "../ui/icon-button";
-import { perApp } from "./app-state";
+import { IconButton } from "../ui/controls/icon-button";
+import { perApp } from "../page/app-state";
 import type { App } from "../page/context";
 import { copyLiveLink } from "./live-address";
 import { COMMON } from "../texts/common";

@@ -4,7 +4,7 @@ import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { type Opened, openPage } from "../testing/live-page";
 import { recorded } from "../testing/recorded";
-import { keyGroups } from "../ui/keys";
+import { keyGroups } from "../page/keys";
 import { press } from "../testing/queries";
 
 async function open(): Promise<Opened & { readonly bar: ReturnType<typeof within> }> {

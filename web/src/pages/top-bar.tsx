@@ -1,27 +1,27 @@
 /** The top bar: navigation and the time controls. On a phone the same controls are in the dock at the bottom. */
 import { useRef } from "preact/hooks";
-import { Slot } from "../extension";
+import { Slot } from "../extension/extension";
 import type { ViewActions } from "../data/view-actions";
 import { recently } from "../panels/panel-context";
 import type { Deps } from "../page/context";
-import { Button } from "../ui/button";
-import { Select } from "../ui/choices";
-import { age, number, rate, span } from "../ui/format";
-import { IconButton } from "../ui/icon-button";
-import { Icon, type IconName, Logo } from "../ui/icons";
-import { SPANS, ZOOM_STEP } from "../ui/keys";
-import { markOf, showsPlots } from "../ui/page-state";
-import { theme, toggleTheme } from "../ui/theme";
-import { useFit } from "../ui/use-fit";
+import { Button } from "../ui/controls/button";
+import { Select } from "../ui/controls/choices";
+import { age, number, rate, span } from "../ui/format/format";
+import { IconButton } from "../ui/controls/icon-button";
+import { Icon, type IconName, Logo } from "../ui/controls/icons";
+import { SPANS, ZOOM_STEP } from "../page/keys";
+import { markOf, showsPlots } from "../page/page-state";
+import { theme, toggleTheme } from "../ui/dom/theme";
+import { useFit } from "../ui/controls/use-fit";
 import { ViewerButton } from "../views/viewers";
 import { ArrangeButton } from "../workspace/arrange";
 import type { App } from "../page/context";
 import { Record } from "./record-button";
-import { href, isRemote, type PageName, pagesOf, route } from "./route";
+import { href, isRemote, type PageName, pagesOf, route } from "../page/route";
 import { Share } from "./share";
 import { distinctName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
-import { SimulatedTag } from "../ui/simulated-tag";
+import { SimulatedTag } from "../ui/controls/simulated-tag";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
 
@@ -35,7 +35,7 @@ export const BAR_CLASS = {
   spare: "desk spare",
 } as const;
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Slots {
     /** Buttons over plots: those of Live, or of an open recording. */
     readonly barViews: { readonly app: App; readonly isLive: boolean };

@@ -1,6 +1,6 @@
 /** Sentences about what is behind: where, why if that is known, what to do. */
 import type { BehindBy, Part } from "../data/behind";
-import { age } from "../ui/format";
+import { age } from "../ui/format/format";
 import { TEXT } from "../texts/panels";
 
 /** The cause, as far as it is known, for a line of its own. */

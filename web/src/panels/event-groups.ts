@@ -5,7 +5,7 @@
  * sort that follow each other within AGAIN_S are a group: it gives their number, their total, and their first and last time.
  */
 import type { Sort } from "../page/context";
-import { number } from "../ui/format";
+import { number } from "../ui/format/format";
 import type { EventInfo, EventKind, Level } from "../wire/types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/panels";

@@ -2,8 +2,8 @@
  * The events of the selected device and of the server, newest first; repeats are one line, sorts can be hidden, and pressing a line
  * shows its moment on the plots.
  */
-import { clock } from "../ui/format";
-import { el, throttle, messageNodes, type Panel } from "../ui/dom";
+import { clock } from "../ui/format/format";
+import { el, throttle, messageNodes, type Panel } from "../ui/dom/dom";
 import type { EventInfo } from "../wire/types";
 import type { Deps } from "../page/context";
 import { type EventGroup, eventGroups, SORTS } from "./event-groups";

@@ -2,9 +2,9 @@
  * Health of the selected device: rates, losses, load, jitter and clock, their last minute, and one sentence on where data was lost.
  * Written twice a second; the age of the last sample ten times.
  */
-import { type Surface, surface } from "../ui/canvas";
-import { el, throttle, LiveText, LiveMessage, type Panel } from "../ui/dom";
-import { number } from "../ui/format";
+import { type Surface, surface } from "../ui/dom/canvas";
+import { el, throttle, LiveText, LiveMessage, type Panel } from "../ui/dom/dom";
+import { number } from "../ui/format/format";
 import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { behindWords } from "./behind-text";
@@ -20,7 +20,7 @@ import {
   verdict,
 } from "./health-text";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
-import { rateBars } from "./health-history";
+import { rateBars } from "../data/health-history";
 import { rejections, trustOf } from "./authenticity";
 import { registerPanel } from "./registry";
 import { mountUneven } from "./uneven-times";

@@ -1,5 +1,5 @@
 /** Words and numbers of the health figures. Pure; shared by the health panel and the phone's strip. */
-import { age, byteRate, clock, number, type Quantity, signed } from "../ui/format";
+import { age, byteRate, clock, number, type Quantity, signed } from "../ui/format/format";
 import { TOLD_S } from "../data/behind";
 import { countsLosses, embeddedKinds, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { ChannelInfo, DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";

@@ -1,5 +1,5 @@
 /** The status lanes of a device, apart from the plots. Hidden until a person shows it: the plots have them until then. */
-import { latePanel } from "../ui/late-panel";
+import { latePanel } from "../ui/dom/late-panel";
 import { TEXT } from "../texts/plots";
 import { registerPanel } from "./registry";
 

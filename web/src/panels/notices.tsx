@@ -1,5 +1,5 @@
 /** Standing notices about the link: a slow USB latency timer and its fix, the clients, two protocols in one stream. */
-import { Message } from "../ui/message";
+import { Message } from "../ui/controls/message";
 import { selected } from "./panel-context";
 import type { Deps } from "../page/context";
 

@@ -3,7 +3,7 @@ import type { Deps } from "../page/context";
 import type { Channel } from "../data/channels";
 import type { ChannelInfo, DeviceInfo } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
-import { type CursorReading, readingAt } from "./cursor-time";
+import { type CursorReading, readingAt } from "../data/cursor-time";
 
 /** The moment read by the panels. */
 export function reading(deps: Deps): CursorReading {

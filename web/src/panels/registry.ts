@@ -2,14 +2,14 @@
  * The panels of the page: each file of this folder that has one registers it as it is loaded, and the page shows those that
  * apply, in their order. docs/add-a-panel.md explains how to write one.
  */
-import { fromExtensions } from "../extension";
+import { fromExtensions } from "../extension/extension";
 import { signal } from "@preact/signals";
 import type { ComponentChildren, FunctionComponent } from "preact";
-import type { Panel } from "../ui/dom";
+import type { Panel } from "../ui/dom/dom";
 import { protocolAmong } from "../wire/capabilities";
 import type { Deps } from "../page/context";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Extension {
     readonly panels?: readonly PanelDefinition[];
   }

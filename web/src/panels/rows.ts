@@ -1,8 +1,8 @@
 /** All rows of a table that came at one time (satellites, signals), at the reading position. */
 import type { Channel } from "../data/channels";
-import { el, throttle, type Panel } from "../ui/dom";
-import { decimalsOf, number } from "../ui/format";
-import { choiceWords } from "../ui/labels";
+import { el, throttle, type Panel } from "../ui/dom/dom";
+import { decimalsOf, number } from "../ui/format/format";
+import { choiceWords } from "../ui/format/labels";
 import { channelsOf, reading, sampleAt } from "./panel-context";
 import type { Deps } from "../page/context";
 

@@ -1,6 +1,6 @@
 /** Sparklines of the last minute: small bars, grey if all was well, marked where samples were lost. */
-import { css, type Surface } from "../ui/canvas";
-import type { HealthBar } from "./health-history";
+import { css, type Surface } from "../ui/dom/canvas";
+import type { HealthBar } from "../data/health-history";
 
 /** Bars from the left; an unknown bar is empty, silence is a low mark. */
 export function drawBars(to: Surface, bars: readonly (HealthBar | undefined)[], gone: boolean): void {

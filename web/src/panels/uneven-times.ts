@@ -1,5 +1,5 @@
 /** Cause of uneven arrival times of a device, behind a button in the list of its health. */
-import { el, LiveMessage } from "../ui/dom";
+import { el, LiveMessage } from "../ui/dom/dom";
 import type { DeviceHealth } from "../wire/types";
 import { timeWords } from "./health-text";
 import { TEXT } from "../texts/panels";

@@ -4,7 +4,7 @@
  * Quantities with axes come first, in an engineer's reading order; slow ones are one group of single lines at the end; a record
  * (GNSS) is a group of its own. Tables with several rows at one time (satellites) are only counted here.
  */
-import { titlesOf } from "../ui/labels";
+import { titlesOf } from "../ui/format/labels";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { TEXT } from "../texts/panels";
 

@@ -2,7 +2,7 @@
 import { expect, it } from "vitest";
 import type { Channel } from "../data/channels";
 import { ringOf } from "../testing/samples";
-import { el, LiveText } from "../ui/dom";
+import { el, LiveText } from "../ui/dom/dom";
 import { showAge, staleness, widen } from "./values";
 
 /** A channel with a sample every `step` seconds up to 100 s. */

@@ -4,13 +4,13 @@
  * window of a fast device is millions of samples. Nothing moves when digits do.
  */
 import type { Channel } from "../data/channels";
-import { throttle, el, LiveText, type Panel, unit } from "../ui/dom";
-import { age, clock, decimalsOf, NONE, number, span } from "../ui/format";
+import { throttle, el, LiveText, type Panel, unit } from "../ui/dom/dom";
+import { age, clock, decimalsOf, NONE, number, span } from "../ui/format/format";
 import { ageOf, channelsOf, reading, sampleAt } from "./panel-context";
 import type { Deps } from "../page/context";
 import { DTYPE_SIZE } from "../wire/types";
 import { valueGroups, type ValueRow } from "./value-groups";
-import type { CursorReading } from "./cursor-time";
+import type { CursorReading } from "../data/cursor-time";
 import { registerPanel } from "./registry";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/panels";

@@ -2,7 +2,7 @@
  * The time axis: ticks in clock steps, labels in UTC, and the cursor's time to 1 ms.
  */
 import type { View } from "../data/view";
-import { clock } from "../ui/format";
+import { clock } from "../ui/format/format";
 import { type Palette, setFont, type CanvasLayer } from "./canvas-style";
 import { xOf, type TimeWindow } from "./time-window";
 import { COMMON } from "../texts/common";

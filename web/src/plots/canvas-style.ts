@@ -3,7 +3,7 @@
  * stroke, canvases as sharp as the screen, and the hatch.
  */
 
-import { clear } from "../ui/canvas";
+import { clear } from "../ui/dom/canvas";
 
 const COLOURS = [
   "bg",

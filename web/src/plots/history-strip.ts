@@ -3,7 +3,7 @@
  * be dragged.
  */
 import type { Loss } from "../data/losses";
-import { number, span as spanOf } from "../ui/format";
+import { number, span as spanOf } from "../ui/format/format";
 import { PixelColumns } from "./pixel-columns";
 import { drawMarkers, type MarkLine } from "./markers";
 import { type Palette, setFont, type CanvasLayer } from "./canvas-style";

@@ -2,7 +2,7 @@
 import type { Loss } from "../data/losses";
 import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view";
-import { el, messageNodes } from "../ui/dom";
+import { el, messageNodes } from "../ui/dom/dom";
 import type { Reads } from "../data/view";
 import {
   firstLanes,

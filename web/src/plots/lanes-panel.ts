@@ -5,7 +5,7 @@
 import { effect } from "@preact/signals";
 import type { Channel } from "../data/channels";
 import type { Deps } from "../page/context";
-import { el, type Panel, throttle } from "../ui/dom";
+import { el, type Panel, throttle } from "../ui/dom/dom";
 import { drawAxis } from "./axis";
 import { onLook, CanvasLayer, palette, type Palette } from "./canvas-style";
 import { listen } from "./gestures";

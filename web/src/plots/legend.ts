@@ -8,8 +8,8 @@ import { wrapped } from "../data/statistics";
 import type { TimeBase } from "../data/view";
 import type { ShownSample } from "../page/context";
 import type { ChannelInfo } from "../wire/types";
-import { number } from "../ui/format";
-import { el, LiveText, unit } from "../ui/dom";
+import { number } from "../ui/format/format";
+import { el, LiveText, unit } from "../ui/dom/dom";
 import type { PlotSpec, Series } from "../data/view";
 import { TEXT } from "../texts/plots";
 

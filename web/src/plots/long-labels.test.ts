@@ -8,7 +8,7 @@ import { ringOf } from "../testing/samples";
 import { giveSizes } from "../testing/live-page";
 import { palette } from "./canvas-style";
 import { Plot } from "./plot";
-import { usualPlots } from "./plot-selection";
+import { usualPlots } from "../signals/plot-selection";
 import { timeWindow } from "./time-window";
 
 const DIGIT_PX = 6;

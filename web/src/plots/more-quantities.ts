@@ -1,6 +1,6 @@
 /** The row of further quantities under the plots, one click each; grouped by message if they are many. */
 import type { ViewState } from "../data/view-state";
-import { el, unit } from "../ui/dom";
+import { el, unit } from "../ui/dom/dom";
 import type { PlotSpec } from "../data/view";
 import { TEXT } from "../texts/plots";
 

@@ -6,7 +6,7 @@ import type { Palette } from "./canvas-style";
 import type { PlotSpec, Series } from "../data/view";
 import type { TimeWindow } from "./time-window";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Extension {
     /** What is drawn over the plots. */
     readonly plotMarks?: readonly PlotMarks[];

@@ -3,9 +3,9 @@
  * the height back. The workspace has the same for keyboard and touch (workspace/plot-list.tsx).
  */
 import type { ViewState } from "../data/view-state";
-import { el } from "../ui/dom";
+import { el } from "../ui/dom/dom";
 import type { Plot } from "./plot";
-import { movedTo, withHeight } from "./plot-order";
+import { movedTo, withHeight } from "../data/plot-order";
 import { TEXT } from "../texts/plots";
 import "./plot-grips.css";
 

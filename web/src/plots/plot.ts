@@ -11,8 +11,8 @@
  */
 import type { Extent } from "../data/minmax-pyramid";
 import type { Ring } from "../data/ring-buffer";
-import { el } from "../ui/dom";
-import { number } from "../ui/format";
+import { el } from "../ui/dom/dom";
+import { number } from "../ui/format/format";
 import { PixelColumns } from "./pixel-columns";
 import type { TimeBase } from "../data/view";
 import { Legend, type LegendActions, legendRows, namedByTitle, type Toggle, valueAt } from "./legend";

@@ -5,12 +5,12 @@ import { channelInfo, columnInfo } from "../testing/fixtures";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { duration, tickLabel, timeGrid, timeStep } from "./axis";
 import { PixelColumns } from "./pixel-columns";
-import { labelWords } from "../ui/labels";
+import { labelWords } from "../ui/format/labels";
 import { docOf } from "./lane-names";
 import { inPlace, lanesOf, roomFor, runsOf, bitStateWords } from "./status-lanes";
 import { stripLength } from "./history-strip";
-import { niceStep, Scale, ticks } from "./scale";
-import { usualPlots } from "./plot-selection";
+import { niceStep, Scale, ticks } from "../charts/scale";
+import { usualPlots } from "../signals/plot-selection";
 import { CHANNELS, frameOf, STATUS_BITS } from "../testing/synthetic";
 import { timeAt, timeWindow, xOf, type TimeWindow } from "./time-window";
 

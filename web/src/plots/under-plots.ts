@@ -2,7 +2,7 @@
 import type { ViewState } from "../data/view-state";
 import type { SampleAccess } from "../measure/sample-access";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Slots {
     /** Under the plots of Live or of an open recording. */
     readonly underPlots: UnderPlots;

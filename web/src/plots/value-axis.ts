@@ -3,8 +3,8 @@
  * its left; signals of a second unit have one of their own on its right.
  */
 import type { YAxis } from "../data/view";
-import { number } from "../ui/format";
-import { Scale, ticks } from "./scale";
+import { number } from "../ui/format/format";
+import { Scale, ticks } from "../charts/scale";
 import { type Vertical, yOf } from "./trace";
 import { isLogarithmic, logTicks } from "./y-axis";
 import { type AxisState, type DrawnAxis, type GutterSpec, showAxis, yGutter } from "./y-gutter";

@@ -1,8 +1,8 @@
 /** The form for the y axis of a plot: a fixed range, a logarithmic axis, or automatic again. */
 import { useSignal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
-import { Button } from "../ui/button";
-import { Dialog } from "../ui/dialog";
+import { Button } from "../ui/controls/button";
+import { Dialog } from "../ui/controls/dialog";
 import type { PlotSpec } from "../data/view";
 import { typedRange } from "./y-axis";
 import { setYAxis } from "./y-gutter";

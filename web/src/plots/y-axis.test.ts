@@ -7,7 +7,7 @@ import { Store } from "../data/store";
 import { createViewState, type ViewState } from "../data/view-state";
 import { giveSizes } from "../testing/live-page";
 import { feed, recorded } from "../testing/recorded";
-import type { Panel } from "../ui/dom";
+import type { Panel } from "../ui/dom/dom";
 import { mountStack } from "./plot-stack";
 import { isLogarithmic, logTicks, typedRange, shifted, zoomed } from "./y-axis";
 import { YAxisDialog } from "./y-axis-dialog";

@@ -2,7 +2,7 @@
  * The labels of a plot's y axis as a control: the wheel zooms the axis about the pointer, a drag moves it, two fingers zoom it, a
  * double click makes it automatic again, and a click, Enter or a tap opens the form for a typed range. ↑ and ↓ move it, + and − zoom.
  */
-import { el } from "../ui/dom";
+import { el } from "../ui/dom/dom";
 import type { ViewSignals, YAxis } from "../data/view";
 import { figure } from "../charts/axes";
 import { shifted, type YRange, zoomed } from "./y-axis";

@@ -1,5 +1,5 @@
 /** The routes of the library and of a recording, a function each. */
-import { addressOf, type Outcome, type HttpProblem, problemOf, request, respond, parseJson } from "../ui/http";
+import { addressOf, type Outcome, type HttpProblem, problemOf, request, respond, parseJson } from "../requests/http";
 import type { ColumnStatistics, EvidenceRequest, HealthHistory } from "../wire/routes";
 import type { StatisticsRequest } from "./statistics-feed";
 import type {
@@ -13,7 +13,7 @@ import type {
   RecordingInfo,
   SaveMemoryRequest,
   StartRequest,
-} from "./types";
+} from "../wire/recording-types";
 import { TEXT } from "../texts/recordings";
 
 /** Query for a time range. */

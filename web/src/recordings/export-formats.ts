@@ -1,6 +1,6 @@
 /** Export formats of a recording, and the approximate size of an export. Pure; sizes are shown before anything is written. */
 import type { ExportCapability } from "../wire/capability-types";
-import type { ExportSizes, RecordingInfo } from "./types";
+import type { ExportSizes, RecordingInfo } from "../wire/recording-types";
 
 /** The formats that the devices of a recording allow. */
 export function formatsOf(

@@ -5,7 +5,7 @@
 import type { DeviceHealth, EventInfo } from "../wire/types";
 import type { HealthHistory } from "../wire/routes";
 import { figuresAt } from "./health-history";
-import type { RecordingDetail } from "./types";
+import type { RecordingDetail } from "../wire/recording-types";
 
 /** Bits on a serial line for each byte: start, eight, stop. */
 const BITS = 10;

@@ -2,7 +2,7 @@
  * Health of a device around the reading position of a recording. From per-second counts made by the server on opening it
  * (recordings/columns/health_history.py) come the health panel's figures and its sparklines of the last minute, as when live.
  */
-import { type Moment, MINUTE } from "../panels/health-history";
+import { type Moment, MINUTE } from "../data/health-history";
 import type { HealthHistory } from "../wire/routes";
 import type { DeviceHealth, EventInfo, MessageHealth } from "../wire/types";
 import { fetchFared } from "./api";

@@ -15,7 +15,7 @@ import {
   countedValues,
   recordingTitle,
 } from "./library-filter";
-import type { RecordingDetail, RecordingInfo } from "./types";
+import type { RecordingDetail, RecordingInfo } from "../wire/recording-types";
 
 const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
   id: "a",

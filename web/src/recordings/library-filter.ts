@@ -1,6 +1,6 @@
 /** Words and filters of the library: search, categories, lengths and sizes. Pure. */
-import { number, type Quantity } from "../ui/format";
-import type { RecordingDetail, RecordingInfo } from "./types";
+import { number, type Quantity } from "../ui/format/format";
+import type { RecordingDetail, RecordingInfo } from "../wire/recording-types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/recordings";
 

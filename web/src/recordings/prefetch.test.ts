@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { channelInfo, columnInfo } from "../testing/fixtures";
 import { Prefetch } from "./prefetch";
-import type { RecordingInfo } from "./types";
+import type { RecordingInfo } from "../wire/recording-types";
 
 const info = (part: Partial<RecordingInfo> = {}): RecordingInfo =>
   ({

@@ -8,11 +8,11 @@
  * Only recordings opened before are prefetched: the first opening decodes, which the user has not requested yet. The library's entry
  * must be unchanged when it is opened.
  */
-import type { Outcome } from "../ui/http";
+import type { Outcome } from "../requests/http";
 import { heardIn } from "./library-filter";
 import { VisibleRange } from "./visible-range";
 import { isOpening, recordingsApi } from "./api";
-import type { OpeningState, RecordingDetail, RecordingInfo } from "./types";
+import type { OpeningState, RecordingDetail, RecordingInfo } from "../wire/recording-types";
 
 /** A pointer passing over a list rests for less than this, ms. */
 const REST_MS = 40;

@@ -2,7 +2,7 @@ import { beforeEach, expect, it, vi } from "vitest";
 import { createViewState } from "../data/view-state";
 import { channelInfo, columnInfo } from "../testing/fixtures";
 import { ReplayController } from "./replay-controller";
-import type { RecordingDetail } from "./types";
+import type { RecordingDetail } from "../wire/recording-types";
 
 const detail = (id: string, t0: number): RecordingDetail =>
   ({

@@ -14,12 +14,12 @@ import type { Ring } from "../data/ring-buffer";
 import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/channels";
 import type { ViewState } from "../data/view-state";
-import { RecentHealth } from "../panels/health-history";
-import { type CursorReading, readingAt } from "../panels/cursor-time";
+import { RecentHealth } from "../data/health-history";
+import { type CursorReading, readingAt } from "../data/cursor-time";
 import type { SampleAccess } from "../measure/sample-access";
 import type { Deps } from "../page/context";
-import type { HttpProblem } from "../ui/http";
-import { type LinkedPlace, seriesOf, takeSeries } from "./permalink";
+import type { HttpProblem } from "../requests/http";
+import { type LinkedPlace, seriesOf, takeSeries } from "../page/permalink";
 import { HealthHistoryFeed, minuteAt } from "./health-history";
 import { healthAt, lostAfter, until } from "./health-at";
 import { advance, begin, followed, type Playing } from "./playback";
@@ -28,7 +28,7 @@ import { VisibleRange, type ShownChannels } from "./visible-range";
 import { changedStats, StatisticsFeed } from "./statistics-feed";
 import type { DeviceInfo } from "../wire/types";
 import type { Bounds } from "./time-range";
-import type { MarkerInfo, RecordingDetail } from "./types";
+import type { MarkerInfo, RecordingDetail } from "../wire/recording-types";
 import { Vicinity } from "./vicinity";
 
 /** Kinds with mean and spread (panels/value-groups.ts). */

@@ -12,7 +12,7 @@ import { Store } from "../data/store";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, Dtype, EventInfo } from "../wire/types";
 import type { Stretch } from "./time-range";
-import type { RecordingDetail } from "./types";
+import type { RecordingDetail } from "../wire/recording-types";
 
 /** A spacing of more usual spacings than this is a gap, among unsummarised samples (design, "Plots"). */
 const BREAK_FACTOR = 2.5;

@@ -8,7 +8,7 @@ import type { TimeBase } from "../data/view";
 import { WindowFetcher } from "./window-fetcher";
 import type { ReplayStore } from "./replay-store";
 import { type Bounds, type Near, nearOf } from "./time-range";
-import type { RecordingDetail } from "./types";
+import type { RecordingDetail } from "../wire/recording-types";
 
 /** Shortest reach of samples around the cursor, s. */
 const MIN_REACH_S = 0.02;

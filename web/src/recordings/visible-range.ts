@@ -9,12 +9,12 @@
 import type { Channel } from "../data/channels";
 import type { CustomPlot, TimeBase } from "../data/view";
 import { protocolAmong } from "../wire/capabilities";
-import { usualPlots } from "../plots/plot-selection";
+import { usualPlots } from "../signals/plot-selection";
 import { withCustomPlots } from "../signals/custom-plots";
 import { WindowFetcher, type HeldWindow } from "./window-fetcher";
 import { ReplayStore } from "./replay-store";
 import { type Bounds, isEnough, stretchFor } from "./time-range";
-import type { RecordingDetail } from "./types";
+import type { RecordingDetail } from "../wire/recording-types";
 
 /** Usual width of plots before it is known, px. */
 const USUAL_PX = 1200;

@@ -3,7 +3,7 @@
  * answer the newest one is requested. The screen always shows the newest answer.
  */
 import { decode } from "../wire/codec";
-import type { HttpProblem } from "../ui/http";
+import type { HttpProblem } from "../requests/http";
 import type { ReplayStore } from "./replay-store";
 import { fetchWindow } from "./api";
 import type { Stretch } from "./time-range";

@@ -3,9 +3,9 @@ import { expect, test } from "vitest";
 import type { Channel } from "../data/channels";
 import type { CustomPlot } from "../data/view";
 import { legendRows } from "../plots/legend";
-import { labelOf } from "../plots/plot-selection";
+import { labelOf } from "./plot-selection";
 import type { PlotSpec } from "../data/view";
-import { placeQuery, readPlace } from "../recordings/permalink";
+import { placeQuery, readPlace } from "../page/permalink";
 import { added, heldOf, misfit, removed, withCustomPlots } from "./custom-plots";
 
 function channel(device: string, name: string, unit: string, axes: readonly ("x" | "y" | "z")[] = ["x", "y", "z"]) {

@@ -10,7 +10,7 @@
 import type { Channel } from "../data/channels";
 import type { CustomPlot, SignalRef } from "../data/view";
 import type { PlotSpec, Series } from "../data/view";
-import { decimalsOf } from "../ui/format";
+import { decimalsOf } from "../ui/format/format";
 import { TEXT } from "../texts/signals";
 
 /** A signal that exists. */

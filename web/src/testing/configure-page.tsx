@@ -1,7 +1,7 @@
 /** The real Configure page of a recorded device, with the real store, in a DOM without a browser. */
 import { render, waitFor } from "@testing-library/preact";
 import type { Store } from "../data/store";
-import type { Forms, SnapshotBody } from "../forms/types";
+import type { Forms, SnapshotBody } from "../wire/form-types";
 import type { App } from "../page/context";
 import type { DeviceJobs } from "../wire/types";
 import { ConfigurePage } from "../pages/configure/page";

@@ -1,5 +1,5 @@
 /** For tests: a field, a setting, a command, a channel and its columns, an event with everything at its plainest. */
-import type { CommandForm, FieldForm, Forms, RateRow, RateTable, SettingForm } from "../forms/types";
+import type { CommandForm, FieldForm, Forms, RateRow, RateTable, SettingForm } from "../wire/form-types";
 import type { ChannelInfo, ColumnInfo, EventInfo } from "../wire/types";
 
 export function columnInfo(part: Partial<ColumnInfo> = {}): ColumnInfo {

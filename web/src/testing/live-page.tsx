@@ -3,12 +3,12 @@ import { cleanup, render } from "@testing-library/preact";
 import { afterEach, vi } from "vitest";
 import { Store } from "../data/store";
 import { createViewState } from "../data/view-state";
-import { startApp } from "../pages/app-state";
+import { startApp } from "../page/app-state";
 import type { App } from "../page/context";
 import { startKeyboard } from "../pages/keyboard";
-import { parse, route, startRoute } from "../pages/route";
-import { Shell } from "../pages/shell";
-import { RecentHealth } from "../panels/health-history";
+import { parse, route, startRoute } from "../page/route";
+import { Shell } from "../shell/shell";
+import { RecentHealth } from "../data/health-history";
 import { answering, type Answers, type Asked, feed, type Recorded } from "./recorded";
 
 export interface Opened {

@@ -1,6 +1,6 @@
 /** Recorded recordings that can be opened: their details, their health, and all of their samples. */
 import type { ReplayStore } from "../recordings/replay-store";
-import type { RecordingDetail } from "../recordings/types";
+import type { RecordingDetail } from "../wire/recording-types";
 import { decode, type SampleFrame } from "../wire/codec";
 import { HEADER } from "../wire/types";
 import { type Answers, bytesOf, recorded, type Recorded } from "./recorded";

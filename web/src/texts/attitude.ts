@@ -1,5 +1,5 @@
 /** Texts of attitude, position and track. */
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   // panel

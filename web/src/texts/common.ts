@@ -1,5 +1,5 @@
 /** Texts that several areas share. */
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const COMMON = {
   simulated: "Simulated",

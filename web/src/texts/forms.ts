@@ -1,6 +1,6 @@
 /** Texts of forms: fields, tables, add a device. */
 import { count } from "./plural";
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   // add device

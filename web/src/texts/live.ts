@@ -1,6 +1,6 @@
 /** Texts of Live and of what every page has: bar, devices, bands. */
 import { count } from "./plural";
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   // app state

@@ -1,6 +1,6 @@
 /** Texts of the packet view. */
 import { count } from "./plural";
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   // packet dialog

@@ -1,6 +1,6 @@
 /** Texts of the panels beside and below the plots. */
 import { count, plural } from "./plural";
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   // authenticity

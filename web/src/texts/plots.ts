@@ -1,6 +1,6 @@
 /** Texts of the plots. */
 import { count } from "./plural";
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   // derived channels

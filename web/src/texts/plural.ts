@@ -1,5 +1,5 @@
 /** A count and its noun, in one place: what a language with other plural forms would change. */
-import { number } from "../ui/format";
+import { number } from "../ui/format/format";
 
 /** The form of a noun that belongs to a number: plural(2, "gap") is "gaps". */
 export function plural(n: number, one: string, many = `${one}s`): string {

@@ -1,6 +1,6 @@
 /** Texts of the library and of a recording. */
 import { count } from "./plural";
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   // details

@@ -1,5 +1,5 @@
 /** Texts of the tree of signals, and of plots that the user puts together. */
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   // plots

@@ -1,5 +1,5 @@
 /** Texts about viewers of others in a frame; each has its own in its extension. */
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   newTabHint: "Open in a new tab; the address can be shared",

@@ -1,5 +1,5 @@
 /** Texts of workspaces. */
-import type { Value } from "./wire";
+import type { Value } from "../wire/texts";
 
 export const TEXT = {
   sheet: "Workspace",

@@ -1,6 +1,6 @@
 /** A viewer of others in a frame: its heading, and buttons for a tab of its own, the full screen and closing. */
 import { useRef } from "preact/hooks";
-import { IconButton } from "../ui/icon-button";
+import { IconButton } from "../ui/controls/icon-button";
 import { TEXT } from "../texts/viewers";
 
 interface Props {

@@ -1,9 +1,9 @@
-/** A viewer of others, as an extension brings it (extension.tsx): its page is shown in a frame beside the panels. */
+/** A viewer of others, as an extension brings it (extension/extension.tsx): its page is shown in a frame beside the panels. */
 import type { FunctionComponent } from "preact";
 import type { ReplayController } from "../recordings/replay-controller";
-import type { IconName } from "../ui/icons";
+import type { IconName } from "../ui/controls/icons";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Extension {
     /** Viewers that show devices or recordings in a frame. */
     readonly viewers?: readonly Viewer[];

@@ -4,13 +4,13 @@
  * Live it shows one device or all side by side. Over a recording it follows the player.
  */
 import { type Signal, signal } from "@preact/signals";
-import { fromExtensions } from "../extension";
+import { fromExtensions } from "../extension/extension";
 import type { ReplayController } from "../recordings/replay-controller";
-import { perApp } from "../pages/app-state";
+import { perApp } from "../page/app-state";
 import type { App } from "../page/context";
-import { Button } from "../ui/button";
-import { IconButton } from "../ui/icon-button";
-import { shownRobot } from "../ui/server-place";
+import { Button } from "../ui/controls/button";
+import { IconButton } from "../ui/controls/icon-button";
+import { shownRobot } from "../requests/server-place";
 import { shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
 import type { Viewer } from "./viewer";

@@ -15,7 +15,7 @@
  * shows the sentence and continues, because the next message is independent.
  */
 import { DTYPE_SIZE, FLAG_HISTORY, HEADER, HEADER_SIZE, OPCODE_SAMPLES, type Dtype } from "./types";
-import { TEXT } from "../texts/wire";
+import { TEXT } from "./texts";
 
 export type Column =
   | Float32Array

@@ -2,8 +2,8 @@
 
 import type { Attempt, DeviceHealth, DeviceInfo, DeviceJobs, ExportJob, Job, RecorderState, TrafficEntry } from "./types";
 import type { Capabilities } from "./capability-types";
-import type { ApplyRequest, ByteRange, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo } from "../forms/types";
-import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, HeldBytes, MarkerInfo, MarkerRequest, OpeningState, PlayRequest, RecordedSettings, RecordingDetail, RecordingInfo, SaveMemoryRequest, SavedMemory, StartRequest } from "../recordings/types";
+import type { ApplyRequest, ByteRange, CompareRequest, Corrections, Difference, FitRatesRequest, FitRatesResult, Forms, PreviewRequest, PreviewResult, RawRequest, ReadRequest, RunRequest, SaveRequest, SnapshotBody, SnapshotInfo } from "./form-types";
+import type { EditRequest, ExportJobRequest, ExportSelection, ExportSizes, HeldBytes, MarkerInfo, MarkerRequest, OpeningState, PlayRequest, RecordedSettings, RecordingDetail, RecordingInfo, SaveMemoryRequest, SavedMemory, StartRequest } from "./recording-types";
 
 /** Of `T`, the fields that the server has defaults for may be left out. */
 export type Defaulted<T, K extends keyof T> = Omit<T, K> & { readonly [P in K]?: T[P] };

@@ -8,7 +8,7 @@
  * Lost connections are retried after 0.25, 0.5, 1, 2, 4, 4 … s. After one, the page keeps its data and requests only the missed
  * seconds: sample numbers show exactly which samples it lacks. A restarted server has another `run`; then everything is dropped.
  */
-import { TEXT } from "../texts/wire";
+import { TEXT } from "./texts";
 import { localNow, ServerClock } from "./clock";
 import { decode } from "./codec";
 import { ASK_S, Silence, SILENT_S } from "./silence";

@@ -3,20 +3,20 @@
  * area, hidden and maximised. A maximised panel has a button that gives it its place back.
  */
 import { useEffect, useRef } from "preact/hooks";
-import { Slot } from "../extension";
+import { Slot } from "../extension/extension";
 import type { App } from "../page/context";
 import type { Deps } from "../page/context";
 import type { PanelDefinition } from "../panels/registry";
-import { Button } from "../ui/button";
-import { Select } from "../ui/choices";
-import { IconButton } from "../ui/icon-button";
-import { Icon, type IconName } from "../ui/icons";
+import { Button } from "../ui/controls/button";
+import { Select } from "../ui/controls/choices";
+import { IconButton } from "../ui/controls/icon-button";
+import { Icon, type IconName } from "../ui/controls/icons";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/workspace";
-import { type Area, AREAS, DEFAULT_LAYOUT, inArea, isShown, maximise, moveBy, moveTo, show } from "./layout";
+import { type Area, AREAS, DEFAULT_LAYOUT, inArea, isShown, maximise, moveBy, moveTo, show } from "../data/layout";
 import { panelsOf } from "./panels";
 import { sessionOf, type WorkspaceSession } from "./session";
-import { DEFAULT_ORDER } from "../plots/plot-order";
+import { DEFAULT_ORDER } from "../data/plot-order";
 import { PlotList } from "./plot-list";
 
 interface Props {

@@ -10,7 +10,7 @@ import type { DeviceInfo } from "../wire/types";
 import type { Json } from "../data/json";
 import type { WorkspaceSession } from "./session";
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Slots {
     /** Over the lists of panels, while they are arranged. */
     readonly workspaceSheet: Pick<CompanionProps, "session" | "deps">;

@@ -1,6 +1,6 @@
 /** Keys of a workspace: W arranges, X maximises, Ctrl+Z and Ctrl+Shift+Z undo and redo, Esc leaves. A double click on a heading maximises as well. */
-import { belongsToControl } from "../ui/keys";
-import { maximise } from "./layout";
+import { belongsToControl } from "../page/keys";
+import { maximise } from "../data/layout";
 import type { WorkspaceSession } from "./session";
 
 /** Before the keys of the page: Esc first gives a maximised panel its place back. */

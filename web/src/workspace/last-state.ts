@@ -3,7 +3,7 @@
  * an extension has for the family.
  */
 import { effect } from "@preact/signals";
-import { fromExtensions } from "../extension";
+import { fromExtensions } from "../extension/extension";
 import type { App } from "../page/context";
 import { withoutMoment, workspaceOf } from "./parts";
 import { sessionOf, type WorkspaceSession } from "./session";
@@ -11,7 +11,7 @@ import { sessionOf, type WorkspaceSession } from "./session";
 /** Shows what it has for a family, as long as nothing was changed meanwhile. */
 export type WorkspaceDefault = (session: WorkspaceSession, family: string, isUntouched: () => boolean) => Promise<void>;
 
-declare module "../extension" {
+declare module "../extension/extension" {
   interface Extension {
     /** What a page opens with for a family, if neither its address nor this browser says anything. */
     readonly workspaceDefaults?: readonly WorkspaceDefault[];

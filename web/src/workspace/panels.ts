@@ -2,7 +2,7 @@
 import { arrangedPanels, type PanelDefinition } from "../panels/registry";
 import type { Deps } from "../page/context";
 import { COMMON } from "../texts/common";
-import { type Area, inArea } from "./layout";
+import { type Area, inArea } from "../data/layout";
 
 /** The plots: each page mounts them in its own way. They stay in the middle, and shown. */
 export const PLOTS: PanelDefinition = {

@@ -1,7 +1,7 @@
 import { signal } from "@preact/signals";
 import { expect, it } from "vitest";
 import { createViewState } from "../data/view-state";
-import { type LinkedPlace, placeQuery, readPlace } from "../recordings/permalink";
+import { type LinkedPlace, placeQuery, readPlace } from "../page/permalink";
 import {
   applyLinkText,
   linkTextOf,

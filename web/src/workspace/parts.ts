@@ -28,7 +28,7 @@ export interface WorkspacePart<T extends Json = Json> {
   readonly key: string;
   /** Where in time the view is: such a part is not stored in a workspace saved by name, and stays as it is if it is absent. */
   readonly isMoment?: boolean;
-  /** A link has it by a name of its own (recordings/permalink.ts). */
+  /** A link has it by a name of its own (page/permalink.ts). */
   readonly isNamedInLinks?: boolean;
   /** The state of a view; undefined at its default. */
   readonly read: (view: WorkspaceView) => T | undefined;

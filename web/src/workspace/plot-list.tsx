@@ -1,10 +1,10 @@
 /** The plots in the list of the workspace: moved, made taller or lower, and given their height back, by keyboard or touch as well. */
 import type { Deps } from "../page/context";
-import { heightOf, movedTo, PLOT_HEIGHT, withHeight } from "../plots/plot-order";
+import { heightOf, movedTo, PLOT_HEIGHT, withHeight } from "../data/plot-order";
 import type { PlotSpec } from "../data/view";
-import { Button } from "../ui/button";
-import { IconButton } from "../ui/icon-button";
-import type { IconName } from "../ui/icons";
+import { Button } from "../ui/controls/button";
+import { IconButton } from "../ui/controls/icon-button";
+import type { IconName } from "../ui/controls/icons";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/workspace";
 

@@ -1,5 +1,5 @@
 /** The part of a workspace with the order of the plots and their heights. */
-import { DEFAULT_ORDER, PLOT_HEIGHT } from "../plots/plot-order";
+import { DEFAULT_ORDER, PLOT_HEIGHT } from "../data/plot-order";
 import type { PlotOrder } from "../data/view";
 import { registerPart } from "./parts";
 import { isKeys, isNumber, isObject, type Json, type JsonObject } from "../data/json";

@@ -1,11 +1,11 @@
 /** What a page does with its workspace: arranging, undo, maximising. One for each view. */
 import { type Signal, signal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
-import { perApp } from "../pages/app-state";
+import { perApp } from "../page/app-state";
 import type { App } from "../page/context";
 import "./all";
 import { WorkspaceHistory } from "./history";
-import { type Layout, maximise } from "./layout";
+import { type Layout, maximise } from "../data/layout";
 import { applyWorkspace, withoutMoment, type WorkspaceView, workspaceOf } from "./parts";
 
 /** Interval at which a change becomes a step of undo, ms. */

@@ -1,8 +1,8 @@
 /** The parts of a workspace that every view has: window, cursors, time base, frame, series and plots shown, the folded side. */
 import type { WorldFrame } from "../data/rotations";
 import { LONGEST, SHORTEST } from "../data/view-actions";
-import { seriesOf, takeSeries } from "../recordings/permalink";
-import { DEFAULT_LAYOUT, layoutJson, layoutOf } from "./layout";
+import { seriesOf, takeSeries } from "../page/permalink";
+import { DEFAULT_LAYOUT, layoutJson, layoutOf } from "../data/layout";
 import { registerPart } from "./parts";
 import { isKeys, isNumber, isObject, type Json, type JsonObject } from "../data/json";
 

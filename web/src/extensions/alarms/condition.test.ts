@@ -1,7 +1,7 @@
 /** The condition of an alarm that is made from a signal. */
 import { expect, test } from "vitest";
 import type { Channel } from "../../data/channels";
-import type { CursorReading } from "../../panels/cursor-time";
+import type { CursorReading } from "../../data/cursor-time";
 import type { DeviceInfo } from "../../wire/types";
 import { alarmCondition, canAlarm, limitOf } from "./condition";
 import type { TreeRow } from "../../signals/tree-rows";

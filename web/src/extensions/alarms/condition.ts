@@ -1,5 +1,5 @@
 /** The condition of a new alarm on a signal, with a limit from the cursor or from what the window holds. Pure. */
-import type { CursorReading } from "../../panels/cursor-time";
+import type { CursorReading } from "../../data/cursor-time";
 import { sampleAt } from "../../panels/panel-context";
 import { quoted } from "../../signals/names";
 import type { TreeRow } from "../../signals/tree-rows";

@@ -1,7 +1,7 @@
 /** The list of alarms, kept up to date. */
 import { effect } from "@preact/signals";
 import type { App } from "../../page/context";
-import { request } from "../../ui/http";
+import { request } from "../../requests/http";
 import { alarmList } from "./list";
 import { notifyRaised } from "./notices";
 

@@ -1,11 +1,11 @@
 /** Alarms: conditions that the server watches, with their list, their form, and their marks on plots and devices. */
-import { registerExtension, type Slots } from "../../extension";
+import { registerExtension, type Slots } from "../../extension/extension";
 import type { DeviceActionProps, LiveDialogProps } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
-import { readingAt } from "../../panels/cursor-time";
+import { readingAt } from "../../data/cursor-time";
 import { reading } from "../../panels/panel-context";
-import { Button } from "../../ui/button";
-import { late } from "../../ui/late";
+import { Button } from "../../ui/controls/button";
+import { late } from "../../ui/dom/late";
 import { alarmCondition, canAlarm } from "./condition";
 import { followAlarms } from "./follow";
 import { alarmList, openAlarm } from "./list";

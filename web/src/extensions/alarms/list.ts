@@ -1,7 +1,7 @@
 /** The alarms of the server, with their states, and the form of one. */
 import { signal } from "@preact/signals";
 import type { Store } from "../../data/store";
-import { madeFor } from "../../pages/app-state";
+import { madeFor } from "../../page/app-state";
 import type { App } from "../../page/context";
 import type { Openers } from "../../page/context";
 import type { AlarmInfo } from "../../wire/routes";

@@ -1,5 +1,5 @@
 /** The alarms that a workspace brings, under the stored workspaces. */
-import { Button } from "../../ui/button";
+import { Button } from "../../ui/controls/button";
 import { useSignal } from "@preact/signals";
 import type { CompanionProps } from "../../workspace/companions";
 import { alarmList } from "./list";

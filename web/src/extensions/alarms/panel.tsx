@@ -1,17 +1,17 @@
 /** The alarms of the selected device: state, value and limit of each, acknowledged by name. */
 import { type Signal, signal } from "@preact/signals";
-import { Button } from "../../ui/button";
-import { clock } from "../../ui/format";
-import { request, type HttpProblem } from "../../ui/http";
-import { ProblemNote } from "../../ui/problem-note";
-import type { Panel } from "../../ui/dom";
+import { Button } from "../../ui/controls/button";
+import { clock } from "../../ui/format/format";
+import { request, type HttpProblem } from "../../requests/http";
+import { ProblemNote } from "../../requests/problem-note";
+import type { Panel } from "../../ui/dom/dom";
 import type { AlarmInfo, AlarmState } from "../../wire/routes";
 import { alarmMark, type AlarmOnDevice, alarmsOf, conditionText, idleAlarms, valueText } from "./states";
 import { type NoticeState, noticeState, switchNotices } from "./notices";
 import type { Deps } from "../../page/context";
-import { storedName, storeName } from "../../ui/person-name";
+import { storedName, storeName } from "../../requests/person-name";
 import { COMMON } from "../../texts/common";
-import { renderedPanel } from "../../ui/panel-host";
+import { renderedPanel } from "../../panels/panel-host";
 import { alarmList, openAlarm } from "./list";
 import { TEXT } from "./texts";
 import "./alarms.css";

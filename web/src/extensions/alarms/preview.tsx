@@ -1,9 +1,9 @@
 /** How often an alarm would have been raised by the samples in memory or of an open recording, and when, in the form while it is filled in. */
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { Button } from "../../ui/button";
-import { clock, number, span } from "../../ui/format";
-import { request } from "../../ui/http";
+import { Button } from "../../ui/controls/button";
+import { clock, number, span } from "../../ui/format/format";
+import { request } from "../../requests/http";
 import type { AlarmDefinition, AlarmPreview as Preview } from "../../wire/routes";
 import { TEXT } from "./texts";
 

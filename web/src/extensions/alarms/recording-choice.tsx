@@ -1,7 +1,7 @@
 /** The recording of an alarm, in its form: whether it starts one, from how long before to how long after, and its bounds. */
 import type { RecordingAction } from "../../wire/routes";
 import { TEXT } from "./texts";
-import { OptionList } from "../../ui/choices";
+import { OptionList } from "../../ui/controls/choices";
 
 /** The fields of a recording, as typed. */
 export interface RecordingFields {

@@ -1,5 +1,5 @@
 /** Alarms in words and symbols, the drafts of new ones, and the intervals in which they were raised, from events. Pure. */
-import { number } from "../../ui/format";
+import { number } from "../../ui/format/format";
 import type { AlarmDefinition, AlarmInfo, AlarmState } from "../../wire/routes";
 import type { DeviceInfo, EventInfo, Level } from "../../wire/types";
 import { TEXT } from "./texts";

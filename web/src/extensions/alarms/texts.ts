@@ -1,6 +1,6 @@
 /** Texts of alarms: the list, the form, the tags of a device. */
 import { count } from "../../texts/plural";
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 const FIGURES: Readonly<Record<string, (limit: Value) => string>> = {
   rate: (limit) => `Rate below ${limit} Hz`,

@@ -4,11 +4,11 @@
  *
  *     {"format": "imuscope-workspace", "version": 1, "parts": {…}, "alarms": [{"name": "Hot", "condition": {…}, …}]}
  */
-import { type HttpProblem, request } from "../../ui/http";
+import { type HttpProblem, request } from "../../requests/http";
 import type { AlarmDefinition, AlarmInfo, DeviceFilter } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
 import { signal } from "@preact/signals";
-import { madeFor } from "../../pages/app-state";
+import { madeFor } from "../../page/app-state";
 import type { Companion } from "../../workspace/companions";
 import { isObject, type Json } from "../../data/json";
 import type { WorkspaceSession } from "../../workspace/session";

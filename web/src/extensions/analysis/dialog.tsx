@@ -3,10 +3,10 @@ import { type Signal, useComputed, useSignal, useSignalEffect } from "@preact/si
 import { useId, useMemo } from "preact/hooks";
 import type { AnalysisPanel } from "../../data/view";
 import type { Deps } from "../../page/context";
-import { Segmented, Select } from "../../ui/choices";
-import { Dialog } from "../../ui/dialog";
-import { type HttpProblem, request } from "../../ui/http";
-import { ProblemNote } from "../../ui/problem-note";
+import { Segmented, Select } from "../../ui/controls/choices";
+import { Dialog } from "../../ui/controls/dialog";
+import { type HttpProblem, request } from "../../requests/http";
+import { ProblemNote } from "../../requests/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import {
   type ChoiceChange,

@@ -1,14 +1,14 @@
 /** Analysis of signals: spectrum, spectrogram, Allan deviation; and comparing two devices or recordings. */
-import { registerExtension, type Slots } from "../../extension";
+import { registerExtension, type Slots } from "../../extension/extension";
 import { BAR_CLASS } from "../../pages/top-bar";
-import type { ExtensionPress } from "../../ui/keys";
+import type { ExtensionPress } from "../../page/keys";
 import type { LiveDialogProps } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import type { App } from "../../page/context";
 import { recordingTitle } from "../../recordings/library-filter";
-import { Button } from "../../ui/button";
-import { IconButton } from "../../ui/icon-button";
-import { late } from "../../ui/late";
+import { Button } from "../../ui/controls/button";
+import { IconButton } from "../../ui/controls/icon-button";
+import { late } from "../../ui/dom/late";
 import { COMMON } from "../../texts/common";
 import { compareView, isComparison } from "./compare/sides";
 import { TEXT as COMPARE } from "./compare/texts";

@@ -3,8 +3,8 @@ import type { AnalysisPanel } from "../../data/view";
 import { selected } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
 import type { PanelDefinition } from "../../panels/registry";
-import { late } from "../../ui/late";
-import { renderedPanel } from "../../ui/panel-host";
+import { late } from "../../ui/dom/late";
+import { renderedPanel } from "../../panels/panel-host";
 import { TEXT } from "./texts";
 
 const AnalysisView = late(async () => (await import("./dialog")).AnalysisView);

@@ -1,11 +1,11 @@
 /** Figures of an analysis as a person reads them: charts, tables, verdicts, notes, and what copies them. */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { Button } from "../../ui/button";
-import { copyText } from "../../ui/copy";
-import { type HttpProblem, request } from "../../ui/http";
-import { Message } from "../../ui/message";
-import { ProblemNote } from "../../ui/problem-note";
+import { Button } from "../../ui/controls/button";
+import { copyText } from "../../ui/dom/copy";
+import { type HttpProblem, request } from "../../requests/http";
+import { Message } from "../../ui/controls/message";
+import { ProblemNote } from "../../requests/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { figure } from "../../charts/axes";
 import { FigureChart } from "./chart";
@@ -23,7 +23,7 @@ import {
   verdictsOf,
 } from "./figures";
 import { type PlotAxis, Spectrogram } from "./spectrogram";
-import { TableHead } from "../../ui/table-head";
+import { TableHead } from "../../ui/controls/table-head";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "./texts";
 

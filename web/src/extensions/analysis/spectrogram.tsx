@@ -6,7 +6,7 @@ import type { View } from "../../data/view";
 import { tickLabel, timeGrid, timeStep } from "../../plots/axis";
 import { palette } from "../../plots/canvas-style";
 import { timeWindow, type TimeWindow } from "../../plots/time-window";
-import { clock } from "../../ui/format";
+import { clock } from "../../ui/format/format";
 import type { SignalFigures } from "../../wire/routes";
 import { type Axis, axisOf, figure, nearest, share, axisTicks, valueAtShare } from "../../charts/axes";
 import { colourAt, type ColourScale, scaleOf, shareOf } from "../../charts/colours";

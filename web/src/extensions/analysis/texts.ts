@@ -1,6 +1,6 @@
 /** Texts of the analysis dialog. */
 import { count } from "../../texts/plural";
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   key: "Analysis: spectrum, Allan deviation, statistics",

@@ -6,7 +6,7 @@ import { afterEach, expect, test, vi } from "vitest";
 import { createViewState } from "../../data/view-state";
 import type { Deps } from "../../page/context";
 import { answering } from "../../testing/recorded";
-import type { Panel } from "../../ui/dom";
+import type { Panel } from "../../ui/dom/dom";
 import type { PacketInfo, PacketView } from "../../wire/routes";
 import { mountBytes } from "./panel";
 

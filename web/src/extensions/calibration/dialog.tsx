@@ -5,12 +5,12 @@
  */
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { Button } from "../../ui/button";
-import { Dialog } from "../../ui/dialog";
-import { addressOf, type Outcome, request } from "../../ui/http";
-import { Message } from "../../ui/message";
-import { ProblemNote } from "../../ui/problem-note";
-import { usePolled } from "../../ui/use-polled";
+import { Button } from "../../ui/controls/button";
+import { Dialog } from "../../ui/controls/dialog";
+import { addressOf, type Outcome, request } from "../../requests/http";
+import { Message } from "../../ui/controls/message";
+import { ProblemNote } from "../../requests/problem-note";
+import { usePolled } from "../../requests/use-polled";
 import { fullName } from "../../wire/device-name";
 import type { AvailableCalibration, CalibrationReport, CalibrationState } from "../../wire/routes";
 import type { DeviceInfo, DeviceJobs } from "../../wire/types";

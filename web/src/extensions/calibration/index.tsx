@@ -1,8 +1,8 @@
 /** Calibration of a live device, with a coach. */
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import type { DeviceActionProps, LiveDialogProps } from "../../page/context";
-import { Button } from "../../ui/button";
-import { late } from "../../ui/late";
+import { Button } from "../../ui/controls/button";
+import { late } from "../../ui/dom/late";
 import { TEXT } from "./texts";
 
 const CalibrationDialog = late(async () => (await import("./dialog")).CalibrationDialog);

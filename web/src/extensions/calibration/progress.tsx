@@ -1,5 +1,5 @@
 /** Live progress of a calibration: the sphere of directions, stillness, six positions, the drive. */
-import { number } from "../../ui/format";
+import { number } from "../../ui/format/format";
 import type { DirectionCoverage, DriveProgress, RestProgress, SixPositions } from "../../wire/routes";
 import { cellPaths, screenPlaceOf } from "./sphere";
 import { TEXT } from "./texts";

@@ -1,7 +1,7 @@
 /** The result of a calibration: figures, the residual before and after, bias and matrix. */
-import { number } from "../../ui/format";
+import { number } from "../../ui/format/format";
 import type { CalibrationFigure, CalibrationReport, ResidualTrace, SensorCorrection } from "../../wire/routes";
-import { Message } from "../../ui/message";
+import { Message } from "../../ui/controls/message";
 import { TEXT } from "./texts";
 
 const WIDTH = 600;

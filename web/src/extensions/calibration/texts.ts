@@ -1,5 +1,5 @@
 /** Texts of the calibration coach. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   calibrate: "Calibrate",

@@ -1,9 +1,9 @@
 /** Writing a result to the device: an ordinary change of its settings, with its warning, job and snapshot. */
 import { useSignal } from "@preact/signals";
-import { Button } from "../../ui/button";
-import { type HttpProblem, request } from "../../ui/http";
-import { Message } from "../../ui/message";
-import { ProblemNote } from "../../ui/problem-note";
+import { Button } from "../../ui/controls/button";
+import { type HttpProblem, request } from "../../requests/http";
+import { Message } from "../../ui/controls/message";
+import { ProblemNote } from "../../requests/problem-note";
 import type { CalibrationWrite } from "../../wire/routes";
 import type { DeviceJobs, Job } from "../../wire/types";
 import { TEXT } from "./texts";

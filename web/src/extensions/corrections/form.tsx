@@ -1,15 +1,15 @@
 /** Corrections: a stream of RTCM 3 from a caster, a server or a file, forwarded to the device in whole messages. */
 import { type Signal, useSignal } from "@preact/signals";
 import { BLANK, flowOf, type Ntrip, ntripProblem, ntripUrl } from "./ntrip";
-import { Button } from "../../ui/button";
-import { Segmented } from "../../ui/choices";
-import { age, byteRate, number } from "../../ui/format";
-import { Message } from "../../ui/message";
+import { Button } from "../../ui/controls/button";
+import { Segmented } from "../../ui/controls/choices";
+import { age, byteRate, number } from "../../ui/format/format";
+import { Message } from "../../ui/controls/message";
 import type { Model } from "../../pages/configure/model";
 import { COMMON } from "../../texts/common";
-import { type Outcome, request } from "../../ui/http";
-import { usePolled } from "../../ui/use-polled";
-import type { Corrections as CorrectionsState } from "../../forms/types";
+import { type Outcome, request } from "../../requests/http";
+import { usePolled } from "../../requests/use-polled";
+import type { Corrections as CorrectionsState } from "../../wire/form-types";
 
 import "./corrections.css";
 import { TEXT } from "./texts";

@@ -1,10 +1,10 @@
 /** Evidence: what is on screen as one file that opens without a network. */
-import { registerExtension, type Slots } from "../../extension";
+import { registerExtension, type Slots } from "../../extension/extension";
 import { BAR_CLASS } from "../../pages/top-bar";
 import type { App } from "../../page/context";
-import { Button } from "../../ui/button";
-import { IconButton } from "../../ui/icon-button";
-import { late } from "../../ui/late";
+import { Button } from "../../ui/controls/button";
+import { IconButton } from "../../ui/controls/icon-button";
+import { late } from "../../ui/dom/late";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "./texts";
 import "./layers.css";

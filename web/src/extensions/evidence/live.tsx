@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import type { FigureSource } from "../../measure/figure-source";
 import { recordingsApi } from "../../recordings/api";
-import type { HttpProblem } from "../../ui/http";
+import type { HttpProblem } from "../../requests/http";
 import type { LiveDialogProps } from "../../page/context";
 import { EvidenceDialog, type EvidenceRange } from "./dialog";
 import { TEXT } from "./texts";

@@ -2,7 +2,7 @@
 import { byUnit, visible } from "../../plots/visible-plots";
 import { type FigureSource, wantedOf } from "../../measure/figure-source";
 import type { ViewState } from "../../data/view-state";
-import { labelOf } from "../../plots/plot-selection";
+import { labelOf } from "../../signals/plot-selection";
 import type { EvidencePlot, EvidenceSeries } from "../../wire/routes";
 
 export interface EvidencePlots {

@@ -1,5 +1,5 @@
 /** Texts of the dialog that makes evidence. Those of the file itself are in viewer/texts.ts. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   evidence: "Evidence…",

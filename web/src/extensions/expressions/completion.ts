@@ -1,5 +1,5 @@
 /** Completion of an expression: what may stand at the caret, and where the server sees a mistake. */
-import type { Completion } from "../../completion/use-completion";
+import type { Completion } from "../../ui/completion/use-completion";
 import type { Channel } from "../../data/channels";
 import type { ExpressionWords } from "../../wire/routes";
 import { plottable } from "../../signals/custom-plots";

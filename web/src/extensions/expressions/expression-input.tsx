@@ -1,9 +1,9 @@
 /** A field for an expression: completion of signals, functions and units at the caret, and the place of a mistake. */
 import type { Signal } from "@preact/signals";
 import { useCallback, useEffect, useRef } from "preact/hooks";
-import { CompletionList, completed } from "../../completion/completion-list";
-import { MarkedMistake } from "../../completion/mistake";
-import { useCompletion } from "../../completion/use-completion";
+import { CompletionList, completed } from "../../ui/completion/completion-list";
+import { MarkedMistake } from "../../ui/completion/mistake";
+import { useCompletion } from "../../ui/completion/use-completion";
 import { completionsAt, mistakePlace } from "./completion";
 import type { ExpressionWords } from "../../wire/routes";
 import { TEXT } from "./texts";

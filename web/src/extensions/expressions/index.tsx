@@ -1,12 +1,12 @@
 /** Signals that are computed from others by an expression: made, edited and removed in the tree of signals. */
-import { registerExtension, type Slots } from "../../extension";
+import { registerExtension, type Slots } from "../../extension/extension";
 import type { LiveDialogProps } from "../../page/context";
 import type { Deps } from "../../page/context";
 import { added } from "../../signals/custom-plots";
 import { isComputed } from "../../signals/names";
-import { Button } from "../../ui/button";
-import { request } from "../../ui/http";
-import { late } from "../../ui/late";
+import { Button } from "../../ui/controls/button";
+import { request } from "../../requests/http";
+import { late } from "../../ui/dom/late";
 import type { ComputedSignal } from "../../wire/routes";
 import type { ChannelInfo } from "../../wire/types";
 import { TEXT } from "./texts";

@@ -2,10 +2,10 @@
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Deps } from "../../page/context";
-import { Button } from "../../ui/button";
-import { Dialog } from "../../ui/dialog";
-import { type HttpProblem, request } from "../../ui/http";
-import { number } from "../../ui/format";
+import { Button } from "../../ui/controls/button";
+import { Dialog } from "../../ui/controls/dialog";
+import { type HttpProblem, request } from "../../requests/http";
+import { number } from "../../ui/format/format";
 import type { ComputedSignal, ExpressionWords, SignalFigures } from "../../wire/routes";
 import { TEXT as SIGNALS } from "../../texts/signals";
 import { expressionNames } from "./completion";

@@ -1,5 +1,5 @@
 /** Texts of computed signals. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   newSignal: "New signal",

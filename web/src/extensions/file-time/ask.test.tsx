@@ -3,7 +3,7 @@
 import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { type Coming, libraryOf } from "../../pages/recordings/library-store";
-import { parse, route } from "../../pages/route";
+import { parse, route } from "../../page/route";
 import { newApp } from "../../testing/live-page";
 import { answering, type Answers } from "../../testing/recorded";
 import { followTables } from "./ask";

@@ -7,8 +7,8 @@ import { effect } from "@preact/signals";
 import { render } from "preact";
 import type { App } from "../../page/context";
 import { type Coming, libraryOf } from "../../pages/recordings/library-store";
-import { route } from "../../pages/route";
-import { request } from "../../ui/http";
+import { route } from "../../page/route";
+import { request } from "../../requests/http";
 import { ReadingDialog } from "./reading-dialog";
 import { reopen } from "./reopen";
 

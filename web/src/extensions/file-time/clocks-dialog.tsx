@@ -1,7 +1,7 @@
 /** Dialogs that a figure of loss, gap or jitter leads to: the clocks of a stream, or of the recording in the player. */
 import type { LiveDialogProps } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
-import { Dialog } from "../../ui/dialog";
+import { Dialog } from "../../ui/controls/dialog";
 import { ClocksPanel } from "./panel";
 import { StreamPanel } from "./stream";
 import { TEXT } from "./texts";

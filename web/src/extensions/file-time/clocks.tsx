@@ -1,8 +1,8 @@
 /** All clocks of a message with their figures and steps, drawn over the length of the file or of the memory of a stream. */
-import { TableHead } from "../../ui/table-head";
+import { TableHead } from "../../ui/controls/table-head";
 import type { Deps } from "../../page/context";
-import { Button } from "../../ui/button";
-import { number, rate as rateText, signed, clock as timeOfDay } from "../../ui/format";
+import { Button } from "../../ui/controls/button";
+import { number, rate as rateText, signed, clock as timeOfDay } from "../../ui/format/format";
 import type { FileClock, FileTime, MessageClocks } from "../../wire/routes";
 import { DifferencePlot, DifferenceStrip } from "./difference-plot";
 import { shortDuration } from "./duration";

@@ -3,8 +3,8 @@
  * events of those kinds. They lead to the clocks of the device, or of the recording in the player.
  */
 import type { App } from "../../page/context";
-import { href } from "../../pages/route";
-import { el } from "../../ui/dom";
+import { href } from "../../page/route";
+import { el } from "../../ui/dom/dom";
 import { TEXT } from "./texts";
 import "./figure-links.css";
 

@@ -1,5 +1,5 @@
 /** The first rows of a table as they will be read: the time of each, then its columns, those of a vector under its name. */
-import { clock } from "../../ui/format";
+import { clock } from "../../ui/format/format";
 import type { PreviewColumn, TablePreview } from "../../wire/routes";
 import { previewCell, decimalsAt } from "./reading";
 import { TEXT } from "./texts";

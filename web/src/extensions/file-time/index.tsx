@@ -3,13 +3,13 @@
  * of loss or jitter; and the dialog of tables, which comes by itself where a table can be read in more than one way.
  */
 import { effect } from "@preact/signals";
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import type { DeviceActionProps } from "../../page/context";
 import type { App } from "../../page/context";
-import { route } from "../../pages/route";
-import { Button } from "../../ui/button";
-import { late } from "../../ui/late";
-import { latePanel } from "../../ui/late-panel";
+import { route } from "../../page/route";
+import { Button } from "../../ui/controls/button";
+import { late } from "../../ui/dom/late";
+import { latePanel } from "../../ui/dom/late-panel";
 import { linkFigures } from "./figure-links";
 import "./layers.css";
 import { TEXT } from "./texts";

@@ -3,9 +3,9 @@
 import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { newApp } from "../../testing/live-page";
-import { reopened } from "../../pages/route";
+import { reopened } from "../../page/route";
 import { answering, type Answers } from "../../testing/recorded";
-import { clock } from "../../ui/format";
+import { clock } from "../../ui/format/format";
 import { shortDuration } from "./duration";
 import { mountClocks } from "./panel";
 

@@ -2,11 +2,11 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../recordings/library-filter";
-import { Button } from "../../ui/button";
-import { Segmented, Select } from "../../ui/choices";
-import { Dialog } from "../../ui/dialog";
-import { type HttpProblem, request } from "../../ui/http";
-import { ProblemNote } from "../../ui/problem-note";
+import { Button } from "../../ui/controls/button";
+import { Segmented, Select } from "../../ui/controls/choices";
+import { Dialog } from "../../ui/controls/dialog";
+import { type HttpProblem, request } from "../../requests/http";
+import { ProblemNote } from "../../requests/problem-note";
 import type { ReadingState, TablePreview } from "../../wire/routes";
 import { COMMON } from "../../texts/common";
 import { ColumnNames } from "./column-names";

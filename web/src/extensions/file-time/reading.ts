@@ -1,6 +1,6 @@
 /** Choices on how a table is read: as the form has them, and as the server takes them. */
 import type { FileReadingBody, PreviewColumn, TablePreview } from "../../wire/routes";
-import { number } from "../../ui/format";
+import { number } from "../../ui/format/format";
 
 /** The option that counts the rows, in place of a column of times. */
 export const COUNT_ROWS = "none";

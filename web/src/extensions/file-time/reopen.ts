@@ -1,5 +1,5 @@
 /** A recording whose times changed as a whole is opened again, from its beginning. */
-import { href, parse, reopened, route } from "../../pages/route";
+import { href, parse, reopened, route } from "../../page/route";
 
 /** What an address says in times of the recording. */
 const TIMES = ["t0", "t1", "span", "cursor", "measure", "loop"];

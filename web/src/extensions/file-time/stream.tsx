@@ -2,12 +2,12 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Deps } from "../../page/context";
-import { Button } from "../../ui/button";
-import type { Panel } from "../../ui/dom";
-import { type HttpProblem, request } from "../../ui/http";
-import { ProblemNote } from "../../ui/problem-note";
+import { Button } from "../../ui/controls/button";
+import type { Panel } from "../../ui/dom/dom";
+import { type HttpProblem, request } from "../../requests/http";
+import { ProblemNote } from "../../requests/problem-note";
 import type { LiveTime } from "../../wire/routes";
-import { renderedPanel } from "../../ui/panel-host";
+import { renderedPanel } from "../../panels/panel-host";
 import { Clocks } from "./clocks";
 import { shortDuration } from "./duration";
 import { TEXT } from "./texts";

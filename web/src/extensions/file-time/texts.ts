@@ -1,6 +1,6 @@
 /** Texts of the panel with the clocks of a file, and of the dialog of a table. */
 import { count } from "../../texts/plural";
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   title: "Time of this file",

@@ -1,8 +1,8 @@
 /** A fleet: its robots, questions about a store of recordings, and the way back from a robot's page. */
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import type { App } from "../../page/context";
 import { LivePage } from "../../pages/live";
-import { late } from "../../ui/late";
+import { late } from "../../ui/dom/late";
 import { askServerKind, serverKind } from "./server-kind";
 import { ThroughFleetBand } from "./through-fleet";
 import { TEXT } from "./texts";

@@ -1,9 +1,9 @@
 /** Whether the server is that of a fleet, whose page opens with its robots, and whether it answers questions about a store. */
 import { signal } from "@preact/signals";
-import { perApp } from "../../pages/app-state";
+import { perApp } from "../../page/app-state";
 import type { App } from "../../page/context";
-import { go } from "../../pages/route";
-import { request } from "../../ui/http";
+import { go } from "../../page/route";
+import { request } from "../../requests/http";
 
 const RETRY_MS = 2000;
 

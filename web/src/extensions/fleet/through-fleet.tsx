@@ -1,7 +1,7 @@
 /** The band of a robot's page at its fleet server: which robot, how far away, and the way back. */
 import type { App } from "../../page/context";
-import { number } from "../../ui/format";
-import { fleetRoot, shownRobot } from "../../ui/server-place";
+import { number } from "../../ui/format/format";
+import { fleetRoot, shownRobot } from "../../requests/server-place";
 import { TEXT } from "./texts";
 import "./through-fleet.css";
 

@@ -1,7 +1,7 @@
 /** The histogram of one or several signals. Hidden until a person shows it. */
 import { TEXT } from "./texts";
-import { latePanel } from "../../ui/late-panel";
-import { registerExtension } from "../../extension";
+import { latePanel } from "../../ui/dom/late-panel";
+import { registerExtension } from "../../extension/extension";
 import "./workspace-part";
 
 registerExtension({

@@ -5,7 +5,7 @@ import { expect, test } from "vitest";
 import { openPage } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
 import type { AnalysisRequest } from "../../wire/routes";
-import { DEFAULT_LAYOUT, show } from "../../workspace/layout";
+import { DEFAULT_LAYOUT, show } from "../../data/layout";
 
 const FIGURES = {
   ...{ edges: [9, 9.5, 10], counts: [10, 30], density: [0.5, 1.5], n: 43, below: 1, above: 2 },

@@ -13,11 +13,11 @@ import { type FigureSource, type Wanted, wantedOf } from "../../measure/figure-s
 import { channelsOf } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
 import { type Found, unitOf } from "../../signals/custom-plots";
-import { type Panel, throttle } from "../../ui/dom";
-import { number } from "../../ui/format";
-import { request } from "../../ui/http";
-import { Message } from "../../ui/message";
-import { TableHead } from "../../ui/table-head";
+import { type Panel, throttle } from "../../ui/dom/dom";
+import { number } from "../../ui/format/format";
+import { request } from "../../requests/http";
+import { Message } from "../../ui/controls/message";
+import { TableHead } from "../../ui/controls/table-head";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { rangeOf } from "../../charts/range";
 import { HistogramChart, type HistogramContent } from "./chart";

@@ -1,5 +1,5 @@
 /** The choices of the histogram: quantity, signals, range, scale, bins, and the values shown. */
-import { Button } from "../../ui/button";
+import { Button } from "../../ui/controls/button";
 import type { Channel } from "../../data/channels";
 import type { ViewState } from "../../data/view-state";
 import type { HistogramChoice } from "../../data/view";

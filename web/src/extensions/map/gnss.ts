@@ -1,9 +1,9 @@
 /** GNSS cell: fix, satellites, position, accuracy, age and the track of the window; shown if the device sends a position. */
 import { channelsOf, reading, sampleAt } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
-import { surface } from "../../ui/canvas";
-import { el, throttle, LiveText, type Panel, unit } from "../../ui/dom";
-import { age, geographic, NONE, number } from "../../ui/format";
+import { surface } from "../../ui/dom/canvas";
+import { el, throttle, LiveText, type Panel, unit } from "../../ui/dom/dom";
+import { age, geographic, NONE, number } from "../../ui/format/format";
 import { pathOf } from "./path";
 import { fixLine, isPlace, metresOf, type Position, positionOf } from "./position";
 import { drawTrack } from "./track";

@@ -1,15 +1,15 @@
 /** The track, enlarged over a map: in a dialog, or as a panel that is hidden until a person shows it. */
 import { positionOf } from "./position";
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import type { LiveDialogProps } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { channelsOf } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
 import { COMMON } from "../../texts/common";
-import { Dialog } from "../../ui/dialog";
-import type { Panel } from "../../ui/dom";
-import { latePanel } from "../../ui/late-panel";
-import { PanelHost } from "../../ui/panel-host";
+import { Dialog } from "../../ui/controls/dialog";
+import type { Panel } from "../../ui/dom/dom";
+import { latePanel } from "../../ui/dom/late-panel";
+import { PanelHost } from "../../panels/panel-host";
 import { fullName } from "../../wire/device-name";
 import { TEXT } from "./texts";
 

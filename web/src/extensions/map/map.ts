@@ -5,10 +5,10 @@
  */
 import { channelsOf, reading, sampleAt } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
-import { type Surface, surface } from "../../ui/canvas";
-import { el, throttle, LiveText, type Panel } from "../../ui/dom";
-import { geographic, NONE } from "../../ui/format";
-import { api } from "../../ui/http";
+import { type Surface, surface } from "../../ui/dom/canvas";
+import { el, throttle, LiveText, type Panel } from "../../ui/dom/dom";
+import { geographic, NONE } from "../../ui/format/format";
+import { api } from "../../requests/http";
 import { pathOf } from "./path";
 import { fixLine, isPlace, positionOf } from "./position";
 import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomedTrack } from "./track";

@@ -1,7 +1,7 @@
 /** The track of a window as points on a local metric grid, thinned to the picture's resolution; gaps in the samples are breaks. */
 import { lowerBound } from "../../data/line-breaks";
 import type { Channel } from "../../data/channels";
-import type { CursorReading } from "../../panels/cursor-time";
+import type { CursorReading } from "../../data/cursor-time";
 import { metresFrom } from "../../attitude/projection";
 import { isPlace, type Position, qualityOf, facetWords } from "./position";
 import type { GridPoint, TrackPoint } from "./track";

@@ -4,7 +4,7 @@
  * messages of any family work.
  */
 import type { Channel } from "../../data/channels";
-import { choiceWords } from "../../ui/labels";
+import { choiceWords } from "../../ui/format/labels";
 import type { BitsInfo } from "../../wire/types";
 import { TEXT } from "./texts";
 

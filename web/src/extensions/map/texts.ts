@@ -1,5 +1,5 @@
 /** Texts of the enlarged track and its map. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   track: "Track",

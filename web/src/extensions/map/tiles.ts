@@ -3,7 +3,7 @@
  * plain grid about its first point. The corners of each tile are projected onto that grid, so track and map agree along the track.
  * Tiles come through our own port (server/api/map_tiles.py), a few at a time, and recent ones are cached.
  */
-import { serverRoot } from "../../ui/server-place";
+import { serverRoot } from "../../requests/server-place";
 import { metresFrom } from "../../attitude/projection";
 import type { GridPoint, TrackView } from "./track";
 

@@ -1,6 +1,6 @@
 /** The track in metres on a plain grid, north up, with a scale bar; the line style shows the kind of fix. */
-import { css, font, type Surface } from "../../ui/canvas";
-import { number } from "../../ui/format";
+import { css, font, type Surface } from "../../ui/dom/canvas";
+import { number } from "../../ui/format/format";
 import type { Quality } from "./position";
 import { TEXT } from "./texts";
 

@@ -1,7 +1,7 @@
 /** Cursor A or B as a slider in the measuring table: its time, moved by the arrow keys. */
 import type { ViewState } from "../../data/view-state";
-import { el, LiveText } from "../../ui/dom";
-import { clock } from "../../ui/format";
+import { el, LiveText } from "../../ui/dom/dom";
+import { clock } from "../../ui/format/format";
 import { TEXT } from "./texts";
 
 /** An arrow key moves by this part of the window. */

@@ -1,6 +1,6 @@
 /** The columns of the measuring table: keys, units and number formats, for the page, for text and for CSV. */
 import { figure } from "../../charts/axes";
-import { number } from "../../ui/format";
+import { number } from "../../ui/format/format";
 import type { RangeFigures } from "./range-figures";
 import { timesSeconds } from "./units";
 import { TEXT } from "./texts";

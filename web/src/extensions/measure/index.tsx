@@ -1,8 +1,8 @@
 /** The measuring table under the plots, while both cursors are set. */
 import { useComputed } from "@preact/signals";
-import { registerExtension, type Slots } from "../../extension";
-import { PanelHost } from "../../ui/panel-host";
-import { latePanel } from "../../ui/late-panel";
+import { registerExtension, type Slots } from "../../extension/extension";
+import { PanelHost } from "../../panels/panel-host";
+import { latePanel } from "../../ui/dom/late-panel";
 import { TEXT } from "./texts";
 
 function MeasurePanel({ viewState, samples }: Slots["underPlots"]) {

@@ -6,7 +6,7 @@ import { createViewState, type ViewState } from "../../data/view-state";
 import { mountStack } from "../../plots/plot-stack";
 import { giveSizes } from "../../testing/live-page";
 import { answering, feed, recorded } from "../../testing/recorded";
-import type { Panel } from "../../ui/dom";
+import type { Panel } from "../../ui/dom/dom";
 import { type MeasureDeps, mountMeasure } from "./panel";
 
 const known = recorded("xbus");

@@ -8,12 +8,12 @@ import type { ViewState } from "../../data/view-state";
 import { figure } from "../../charts/axes";
 import { duration } from "../../plots/axis";
 import { differenceOf, valueAt } from "../../plots/legend";
-import { labelOf } from "../../plots/plot-selection";
+import { labelOf } from "../../signals/plot-selection";
 import type { PlotSpec, Series } from "../../data/view";
 import { byUnit, visible } from "../../plots/visible-plots";
-import { copyText } from "../../ui/copy";
-import { el, LiveText, type Panel, throttle, unit } from "../../ui/dom";
-import { NONE } from "../../ui/format";
+import { copyText } from "../../ui/dom/copy";
+import { el, LiveText, type Panel, throttle, unit } from "../../ui/dom/dom";
+import { NONE } from "../../ui/format/format";
 import { CursorHandle } from "./cursor-handle";
 import {
   measuredCsv,

@@ -3,7 +3,7 @@ import { frameChange } from "../../data/frames";
 import { Ring } from "../../data/ring-buffer";
 import type { Series } from "../../data/view";
 import { CHANNELS } from "../../testing/synthetic";
-import type { HttpProblem } from "../../ui/http";
+import type { HttpProblem } from "../../requests/http";
 import type { AnalysisRequest } from "../../wire/routes";
 import type { ChannelInfo } from "../../wire/types";
 import { type FigureSource, wantedOf } from "../../measure/figure-source";

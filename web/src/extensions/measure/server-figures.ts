@@ -7,7 +7,7 @@ import { inFrame } from "../../data/frames";
 import { LatestAnswer } from "../../measure/latest-answer";
 import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/figure-source";
 import type { Series } from "../../data/view";
-import { type Outcome, type HttpProblem, request } from "../../ui/http";
+import { type Outcome, type HttpProblem, request } from "../../requests/http";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { NO_FIGURES, type RangeFigures } from "./range-figures";
 

@@ -1,5 +1,5 @@
 /** Texts of measuring between two cursors. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   title: "Measurement between the cursors",

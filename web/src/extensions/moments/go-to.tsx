@@ -4,12 +4,12 @@
  */
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { day, duration } from "../../plots/axis";
-import { Button } from "../../ui/button";
-import { Select } from "../../ui/choices";
-import { clock } from "../../ui/format";
-import { type HttpProblem, request } from "../../ui/http";
-import { IconButton } from "../../ui/icon-button";
-import { Message } from "../../ui/message";
+import { Button } from "../../ui/controls/button";
+import { Select } from "../../ui/controls/choices";
+import { clock } from "../../ui/format/format";
+import { type HttpProblem, request } from "../../requests/http";
+import { IconButton } from "../../ui/controls/icon-button";
+import { Message } from "../../ui/controls/message";
 import type { SignalFigures } from "../../wire/routes";
 import { mistakeIn, momentOf, neighbour } from "./moment";
 import type { UnderPlots } from "../../plots/under-plots";

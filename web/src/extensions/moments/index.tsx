@@ -1,6 +1,6 @@
 /** Going to a moment: a time, or the next and previous place of a kind. */
-import { registerExtension } from "../../extension";
-import type { ExtensionPress } from "../../ui/keys";
+import { registerExtension } from "../../extension/extension";
+import type { ExtensionPress } from "../../page/keys";
 import { COMMON } from "../../texts/common";
 import { GoTo } from "./go-to";
 import { openGoTo, stepPlace } from "./state";

@@ -1,8 +1,8 @@
 /** State of the bar of a view: it outlives the page of a recording, which is made anew when more of it has been decoded. */
 import { signal } from "@preact/signals";
 import type { ViewState } from "../../data/view-state";
-import { madeFor } from "../../pages/app-state";
-import type { HttpProblem } from "../../ui/http";
+import { madeFor } from "../../page/app-state";
+import type { HttpProblem } from "../../requests/http";
 
 /** What "next" and "previous" go to. */
 export type Destination = "sample" | "event" | "marker" | "gap" | "condition";

@@ -4,7 +4,7 @@ import { cleanup, fireEvent, screen } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import { newApp } from "../../testing/live-page";
 import { answering } from "../../testing/recorded";
-import { clock } from "../../ui/format";
+import { clock } from "../../ui/format/format";
 import { mountNotes } from "./panel";
 
 type Send = (body: unknown) => void;

@@ -8,9 +8,9 @@ import type { App } from "../../page/context";
 import { channelsOf, reading, sampleAt, selected } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
 import { type PanelPlace, registerPanel } from "../../panels/registry";
-import type { Panel } from "../../ui/dom";
-import { request } from "../../ui/http";
-import { serverRoot } from "../../ui/server-place";
+import type { Panel } from "../../ui/dom/dom";
+import { request } from "../../requests/http";
+import { serverRoot } from "../../requests/server-place";
 import { TEXT } from "./texts";
 import type { InstalledExtension } from "../../wire/routes";
 

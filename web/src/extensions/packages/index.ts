@@ -1,5 +1,5 @@
 /** Extensions of other packages: what they bring to the page is fetched after its first picture. */
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 
 registerExtension({
   name: "packages",

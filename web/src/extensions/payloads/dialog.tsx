@@ -1,12 +1,12 @@
 /** Defines a vendor's own payload: a short text in TOML, checked by the server; its bytes become plots. */
 import { useSignal } from "@preact/signals";
-import { Button } from "../../ui/button";
-import { api, type HttpProblem } from "../../ui/http";
-import { Dialog } from "../../ui/dialog";
-import { ProblemNote } from "../../ui/problem-note";
+import { Button } from "../../ui/controls/button";
+import { api, type HttpProblem } from "../../requests/http";
+import { Dialog } from "../../ui/controls/dialog";
+import { ProblemNote } from "../../requests/problem-note";
 import { protocolOf } from "../../wire/capabilities";
 import type { UnknownPayload } from "../../wire/types";
-import { linkOf } from "../../pages/app-state";
+import { linkOf } from "../../page/app-state";
 import type { App } from "../../page/context";
 import { initialDefinition } from "./template";
 import { COMMON } from "../../texts/common";

@@ -1,8 +1,8 @@
 /** Payloads that nobody described: their bytes, and the form that defines them. */
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import type { LiveDialogProps } from "../../page/context";
-import { late } from "../../ui/late";
-import { latePanel } from "../../ui/late-panel";
+import { late } from "../../ui/dom/late";
+import { latePanel } from "../../ui/dom/late-panel";
 import type { UnknownPayload } from "../../wire/types";
 import { TEXT } from "./texts";
 

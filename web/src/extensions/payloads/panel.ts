@@ -2,8 +2,8 @@
  * Content of undescribed payloads. One entry for each kind: how many, how often, and the newest as bytes. Changes since the entry was
  * last written, at most twice a second, are marked. Only open entries are written.
  */
-import { el, throttle, LiveText, type Panel } from "../../ui/dom";
-import { number } from "../../ui/format";
+import { el, throttle, LiveText, type Panel } from "../../ui/dom/dom";
+import { number } from "../../ui/format/format";
 import { protocolOf } from "../../wire/capabilities";
 import type { UnknownPayload } from "../../wire/types";
 import { selected } from "../../panels/panel-context";

@@ -1,5 +1,5 @@
 /** Texts of payloads without a description. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   newestPayload: (name: Value) => `Newest payload ${name}: offset, bytes, characters`,

@@ -1,6 +1,6 @@
 /** The Rerun viewer: of live data in the frame of viewers, of recordings over the player. */
-import { registerExtension } from "../../extension";
-import { theme } from "../../ui/theme";
+import { registerExtension } from "../../extension/extension";
+import { theme } from "../../ui/dom/theme";
 import { Frame } from "../../views/frame";
 import { RerunButton, RerunPanel } from "./panel";
 import { liveHref } from "./viewer-href";

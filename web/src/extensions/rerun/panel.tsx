@@ -3,11 +3,11 @@
  * else the whole recording; the frame's own address is a link that opens the same.
  */
 import { signal } from "@preact/signals";
-import { madeFor } from "../../pages/app-state";
+import { madeFor } from "../../page/app-state";
 import type { OpenRecording } from "../../pages/recordings/open-recording";
-import { Button } from "../../ui/button";
-import { shownRobot } from "../../ui/server-place";
-import { theme } from "../../ui/theme";
+import { Button } from "../../ui/controls/button";
+import { shownRobot } from "../../requests/server-place";
+import { theme } from "../../ui/dom/theme";
 import { viewerHref } from "./viewer-href";
 import { ViewerPanel } from "../../views/viewer-panel";
 import { TEXT } from "./texts";

@@ -1,5 +1,5 @@
 /** Addresses of recordings and devices in Rerun's viewer. */
-import { serverRoot } from "../../ui/server-place";
+import { serverRoot } from "../../requests/server-place";
 
 /** The address of a recording, or of a range of it (unix s), in the viewer. */
 export function viewerHref(

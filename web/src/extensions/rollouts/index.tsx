@@ -1,6 +1,6 @@
 /** One profile for several devices, under the comparison of two states. */
-import { registerExtension, type Slots } from "../../extension";
-import { late } from "../../ui/late";
+import { registerExtension, type Slots } from "../../extension/extension";
+import { late } from "../../ui/dom/late";
 
 const Rollout = late(async () => (await import("./rollout")).RolloutSection);
 

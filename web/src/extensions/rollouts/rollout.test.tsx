@@ -2,7 +2,7 @@
 /** One profile for several devices: what is ticked is written, to the chosen devices, and the result of each is shown. */
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
-import type { CompareRequest, Difference, SnapshotBody } from "../../forms/types";
+import type { CompareRequest, Difference, SnapshotBody } from "../../wire/form-types";
 import { openConfigure } from "../../testing/configure-page";
 import { recorded } from "../../testing/recorded";
 import type { Job } from "../../wire/types";

@@ -1,6 +1,6 @@
 /** Texts of one profile for several devices. */
 import { count } from "../../texts/plural";
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   unknown: "The server was started again before the result was known.",

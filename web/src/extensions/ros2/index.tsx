@@ -1,8 +1,8 @@
 /** ROS 2: the topics of a device. */
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import type { DeviceActionProps } from "../../page/context";
-import { Button } from "../../ui/button";
-import { late } from "../../ui/late";
+import { Button } from "../../ui/controls/button";
+import { late } from "../../ui/dom/late";
 import { TEXT } from "./texts";
 
 function TopicsButton({ app, device }: DeviceActionProps) {

@@ -1,6 +1,6 @@
 /** Texts of the dialog of ROS 2 topics. */
 import { count } from "../../texts/plural";
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   ros: "ROS 2",

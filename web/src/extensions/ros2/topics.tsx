@@ -1,11 +1,11 @@
 /** The ROS 2 topics of a device: types, subscribers and rates, each with a switch. */
 import { bytes } from "../../recordings/library-filter";
-import { Dialog } from "../../ui/dialog";
-import { rate } from "../../ui/format";
-import { request } from "../../ui/http";
-import { Message } from "../../ui/message";
-import { ProblemNote } from "../../ui/problem-note";
-import { usePolled } from "../../ui/use-polled";
+import { Dialog } from "../../ui/controls/dialog";
+import { rate } from "../../ui/format/format";
+import { request } from "../../requests/http";
+import { Message } from "../../ui/controls/message";
+import { ProblemNote } from "../../requests/problem-note";
+import { usePolled } from "../../requests/use-polled";
 import { fullName } from "../../wire/device-name";
 import type { MissingTopic, RosState, RosTopic } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";

@@ -1,8 +1,8 @@
 /** The satellites of each receiver, with their strength and use. */
 import { h } from "preact";
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import { channelsOf } from "../../panels/panel-context";
-import { latePanel } from "../../ui/late-panel";
+import { latePanel } from "../../ui/dom/late-panel";
 import { skyTables } from "./satellite-data";
 import { TEXT } from "./texts";
 

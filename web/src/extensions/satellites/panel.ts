@@ -2,8 +2,8 @@
  * The satellites of each receiver: a bar of C/N0 for each, by constellation. Used, healthy and not used differ by fill and by a word.
  * A table for screen readers; on the screen two satellites are side by side.
  */
-import { el, throttle, LiveText, type Panel } from "../../ui/dom";
-import { number } from "../../ui/format";
+import { el, throttle, LiveText, type Panel } from "../../ui/dom/dom";
+import { number } from "../../ui/format/format";
 import { channelsOf, reading, sampleAt } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
 import {

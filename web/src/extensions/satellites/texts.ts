@@ -1,5 +1,5 @@
 /** Texts of the panel of satellites. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   satellites: "Satellites",

@@ -1,13 +1,13 @@
 /** The programs that share the port of a device: who is there, who talks, what was lost; shares are added and ended. */
 import { type Signal, useSignal } from "@preact/signals";
 import { bytes } from "../../recordings/library-filter";
-import { Button } from "../../ui/button";
-import { Segmented } from "../../ui/choices";
-import { Dialog } from "../../ui/dialog";
-import { clock } from "../../ui/format";
-import { type Outcome, request } from "../../ui/http";
-import { ProblemNote } from "../../ui/problem-note";
-import { usePolled } from "../../ui/use-polled";
+import { Button } from "../../ui/controls/button";
+import { Segmented } from "../../ui/controls/choices";
+import { Dialog } from "../../ui/controls/dialog";
+import { clock } from "../../ui/format/format";
+import { type Outcome, request } from "../../requests/http";
+import { ProblemNote } from "../../requests/problem-note";
+import { usePolled } from "../../requests/use-polled";
 import { fullName } from "../../wire/device-name";
 import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";

@@ -1,9 +1,9 @@
 /** Sharing the port of a device with other programs. */
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import type { DeviceActionProps, LiveDialogProps } from "../../page/context";
 
-import { Button } from "../../ui/button";
-import { late } from "../../ui/late";
+import { Button } from "../../ui/controls/button";
+import { late } from "../../ui/dom/late";
 import { linkNamed } from "../../wire/capabilities";
 import { TEXT } from "./texts";
 

@@ -1,6 +1,6 @@
 /** The traffic log: every frame to and from a device beside its settings, and bytes sent by hand. */
-import { registerExtension, type Slots } from "../../extension";
-import { late } from "../../ui/late";
+import { registerExtension, type Slots } from "../../extension/extension";
+import { late } from "../../ui/dom/late";
 
 const TrafficLog = late(async () => (await import("./log")).TrafficLog);
 

@@ -1,8 +1,8 @@
 /** The entries of the log of a device: those that arrived, and older ones as far as they were loaded. */
 import { computed, effect, type ReadonlySignal, type Signal, signal } from "@preact/signals";
-import { madeFor } from "../../pages/app-state";
+import { madeFor } from "../../page/app-state";
 import type { Model } from "../../pages/configure/model";
-import { request } from "../../ui/http";
+import { request } from "../../requests/http";
 import type { TrafficEntry } from "../../wire/types";
 
 /** Entries that are loaded at once. */

@@ -1,5 +1,5 @@
 /** Texts of the traffic log. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   bothDirections: "both ways",

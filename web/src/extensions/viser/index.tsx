@@ -1,9 +1,9 @@
 /** The 3D scene, by viser: in the frame of viewers, and as a panel. */
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { mountScene } from "./panel";
 import { Begun, Following } from "./scene-frame";
-import { serverRoot, shownRobot } from "../../ui/server-place";
+import { serverRoot, shownRobot } from "../../requests/server-place";
 import { TEXT } from "./texts";
 import "./viser.css";
 

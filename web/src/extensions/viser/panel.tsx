@@ -1,10 +1,10 @@
 /** The 3D scene, by viser, as a panel. Hidden until a person shows it; why it cannot be shown is said in its place. */
 import { COMMON } from "../../texts/common";
-import type { Panel } from "../../ui/dom";
-import { late } from "../../ui/late";
+import type { Panel } from "../../ui/dom/dom";
+import { late } from "../../ui/dom/late";
 import { reading, selected } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
-import { renderedPanel } from "../../ui/panel-host";
+import { renderedPanel } from "../../panels/panel-host";
 
 const LiveScene = late(async () => (await import("./scene-frame")).Begun);
 const RecordedScene = late(async () => (await import("./scene-frame")).Following);

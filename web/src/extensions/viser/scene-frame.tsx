@@ -1,11 +1,11 @@
 /** The 3D scene in a frame, by viser: of live devices, or of a recording, where it follows the player. What prevents it is said in words. */
 import { useEffect, useState } from "preact/hooks";
 import { onFrame } from "../../data/render-loop";
-import { type HttpProblem, request } from "../../ui/http";
-import { Message } from "../../ui/message";
-import { serverRoot, socketUrl } from "../../ui/server-place";
-import { theme } from "../../ui/theme";
-import { usePolled } from "../../ui/use-polled";
+import { type HttpProblem, request } from "../../requests/http";
+import { Message } from "../../ui/controls/message";
+import { serverRoot, socketUrl } from "../../requests/server-place";
+import { theme } from "../../ui/dom/theme";
+import { usePolled } from "../../requests/use-polled";
 import { Frame } from "../../views/frame";
 import { headNews, type SentHead } from "./viewer-sync";
 import { TEXT } from "./texts";

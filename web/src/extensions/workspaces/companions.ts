@@ -1,5 +1,5 @@
 /** What travels with a workspace that is stored, exported or opened. */
-import { fromExtensions } from "../../extension";
+import { fromExtensions } from "../../extension/extension";
 import type { DeviceInfo } from "../../wire/types";
 import type { Workspace } from "../../workspace/parts";
 import { isObject } from "../../data/json";

@@ -1,6 +1,6 @@
 /** Stored workspaces: by name on the server, for a family, and as files. */
-import { registerExtension, type Slots } from "../../extension";
-import { late } from "../../ui/late";
+import { registerExtension, type Slots } from "../../extension/extension";
+import { late } from "../../ui/dom/late";
 import type { WorkspaceSession } from "../../workspace/session";
 
 const StoredSection = late(async () => (await import("./stored-section")).StoredSection);

@@ -1,12 +1,12 @@
 /** Stored workspaces in the sheet: chosen, saved, exported, imported, deleted, and set for a family. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { Slot, type Slots } from "../../extension";
+import { Slot, type Slots } from "../../extension/extension";
 import { selected } from "../../panels/panel-context";
-import { Button } from "../../ui/button";
-import { Select } from "../../ui/choices";
-import type { HttpProblem } from "../../ui/http";
-import { ProblemNote } from "../../ui/problem-note";
+import { Button } from "../../ui/controls/button";
+import { Select } from "../../ui/controls/choices";
+import type { HttpProblem } from "../../requests/http";
+import { ProblemNote } from "../../requests/problem-note";
 import { protocolOf, isViewOnly } from "../../wire/capabilities";
 import type { WorkspaceList } from "../../wire/routes";
 

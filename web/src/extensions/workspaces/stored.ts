@@ -1,9 +1,9 @@
 /** Stored workspaces: on the server by name, as a file, and the last state of this browser. */
-import { type Outcome, type HttpProblem, request } from "../../ui/http";
+import { type Outcome, type HttpProblem, request } from "../../requests/http";
 import type { WorkspaceInfo, WorkspaceList } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
 import { signal } from "@preact/signals";
-import { madeFor } from "../../pages/app-state";
+import { madeFor } from "../../page/app-state";
 import { accompanied, takeCompanions } from "./companions";
 import { withoutMoment, workspaceOf } from "../../workspace/parts";
 import type { WorkspaceSession } from "../../workspace/session";

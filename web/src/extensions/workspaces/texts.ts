@@ -1,5 +1,5 @@
 /** Texts of stored workspaces. */
-import type { Value } from "../../texts/wire";
+import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   chooseWorkspace: "Open a workspace…",

@@ -1,8 +1,8 @@
 /** The picture of an XY plot: both axes, the pairs with their time as colour or as a trail that fades, and the cursors. */
 import { colourAt } from "../../charts/colours";
-import { css, font, type Surface } from "../../ui/canvas";
-import { number } from "../../ui/format";
-import { type Scale, ticks } from "../../plots/scale";
+import { css, font, type Surface } from "../../ui/dom/canvas";
+import { number } from "../../ui/format/format";
+import { type Scale, ticks } from "../../charts/scale";
 import type { Pairs } from "./pairs";
 
 const [LEFT, BOTTOM, TOP, RIGHT] = [60, 36, 22, 14];

@@ -1,7 +1,7 @@
 /** The XY plot: one signal over another. Hidden until a person shows it. */
-import { latePanel } from "../../ui/late-panel";
+import { latePanel } from "../../ui/dom/late-panel";
 import { TEXT } from "./texts";
-import { registerExtension } from "../../extension";
+import { registerExtension } from "../../extension/extension";
 import "./workspace-part";
 
 registerExtension({

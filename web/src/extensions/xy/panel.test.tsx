@@ -4,7 +4,7 @@ import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test } from "vitest";
 import { type Opened, openPage } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
-import { DEFAULT_LAYOUT, show } from "../../workspace/layout";
+import { DEFAULT_LAYOUT, show } from "../../data/layout";
 
 const known = recorded("xbus");
 

@@ -3,7 +3,7 @@ import { inFrame } from "../../data/frames";
 import { LatestAnswer } from "../../measure/latest-answer";
 import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/figure-source";
 import { type Found, unitOf } from "../../signals/custom-plots";
-import { type Outcome, type HttpProblem, request } from "../../ui/http";
+import { type Outcome, type HttpProblem, request } from "../../requests/http";
 import type { PairsInfo, PairsRequest } from "../../wire/routes";
 import { signalName } from "./choice";
 import type { Pairing, Pairs } from "./pairs";

@@ -1,7 +1,7 @@
 /** A list of signals, by channel, of which one is chosen. */
 import type { Channel } from "../../data/channels";
 import { type Found, unitOf } from "../../signals/custom-plots";
-import { Icon } from "../../ui/icons";
+import { Icon } from "../../ui/controls/icons";
 import { signalName, nameWithUnit } from "./choice";
 
 interface Props {

@@ -1,5 +1,5 @@
 /** The choices of the XY plot: both signals, range, time as colour or trail, lines or points, scale, and how signals are paired. */
-import { Button } from "../../ui/button";
+import { Button } from "../../ui/controls/button";
 import type { ViewState } from "../../data/view-state";
 import type { XyChoice } from "../../data/view";
 import { channelsOf } from "../../panels/panel-context";

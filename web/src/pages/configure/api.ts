@@ -1,7 +1,7 @@
 /** The routes of one device's configuration, a function each. */
-import type { ApplyRequest, CompareRequest } from "../../forms/types";
+import type { ApplyRequest, CompareRequest } from "../../wire/form-types";
 import type { FormValues } from "../../forms/values";
-import { addressOf, request } from "../../ui/http";
+import { addressOf, request } from "../../requests/http";
 
 export const configureApi = {
   forms: (device: string) => request("GET /api/devices/{device}/forms", { path: { device } }),

@@ -1,9 +1,9 @@
 /** The bar at the foot: pending changes, why they cannot be written, progress and result. */
 import { useEffect, useRef } from "preact/hooks";
 import type { Job } from "../../wire/types";
-import { Button } from "../../ui/button";
-import { IconButton } from "../../ui/icon-button";
-import { Message } from "../../ui/message";
+import { Button } from "../../ui/controls/button";
+import { IconButton } from "../../ui/controls/icon-button";
+import { Message } from "../../ui/controls/message";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import type { Model } from "./model";
 import { configureApi } from "./api";

@@ -2,25 +2,25 @@
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
-import type { Difference, DifferenceRow } from "../../forms/types";
-import { IconButton } from "../../ui/icon-button";
-import { Select } from "../../ui/choices";
-import { Message } from "../../ui/message";
+import type { Difference, DifferenceRow } from "../../wire/form-types";
+import { IconButton } from "../../ui/controls/icon-button";
+import { Select } from "../../ui/controls/choices";
+import { Message } from "../../ui/controls/message";
 import { fullName } from "../../wire/device-name";
 import type { DeviceInfo } from "../../wire/types";
-import { route } from "../route";
+import { route } from "../../page/route";
 import type { Model } from "./model";
-import { Slot } from "../../extension";
+import { Slot } from "../../extension/extension";
 import { configureApi } from "./api";
 import { sideRef, type SideName, snapshotTitle } from "./sides";
 import { SnapshotActs } from "./snapshot";
 import { goTo } from "./view-state";
-import { TableHead } from "../../ui/table-head";
+import { TableHead } from "../../ui/controls/table-head";
 import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
-declare module "../../extension" {
+declare module "../../extension/extension" {
   interface Slots {
     /** Under the comparison of two states of a device. */
     readonly comparisonActions: ComparisonActionProps;

@@ -1,8 +1,8 @@
 /** Confirmation before harm: a dialog that names what is lost or cut; the safe button has the focus. */
 import { useEffect, useRef } from "preact/hooks";
-import { Button } from "../../ui/button";
-import { Dialog } from "../../ui/dialog";
-import { Message } from "../../ui/message";
+import { Button } from "../../ui/controls/button";
+import { Dialog } from "../../ui/controls/dialog";
+import { Message } from "../../ui/controls/message";
 import { CAUTIONS, type Question } from "./view-state";
 import { TEXT } from "../../texts/configure";
 

@@ -1,5 +1,5 @@
 /** "Fit to link": the server lowers rates until the line can carry them; the result is shown, and can be undone like any edit. */
-import type { SettingForm } from "../../forms/types";
+import type { SettingForm } from "../../wire/form-types";
 import type { Model } from "./model";
 import { configureApi } from "./api";
 

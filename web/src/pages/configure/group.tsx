@@ -1,5 +1,5 @@
 /** A group: its settings one below the other, then its commands. */
-import type { CommandForm } from "../../forms/types";
+import type { CommandForm } from "../../wire/form-types";
 import type { Model } from "./model";
 import { Setting } from "./setting-form";
 import { CAUTIONS, linkTo, visibleSettings } from "./view-state";

@@ -1,8 +1,8 @@
 /** Jobs of the device: running, waiting, finished. */
 import type { DeviceJobs, FieldOutcome, Job } from "../../wire/types";
-import { Button } from "../../ui/button";
-import { Message } from "../../ui/message";
-import { labelWords } from "../../ui/labels";
+import { Button } from "../../ui/controls/button";
+import { Message } from "../../ui/controls/message";
+import { labelWords } from "../../ui/format/labels";
 import type { Model } from "./model";
 import { configureApi } from "./api";
 import { COMMON } from "../../texts/common";

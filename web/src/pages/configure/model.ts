@@ -24,9 +24,9 @@ import type {
   SettingForm,
   SnapshotBody,
   SnapshotInfo,
-} from "../../forms/types";
+} from "../../wire/form-types";
 import { initials, joined, type Path, put, type FormValues, whereOf } from "../../forms/values";
-import type { Outcome, HttpProblem } from "../../ui/http";
+import type { Outcome, HttpProblem } from "../../requests/http";
 import { fullName, linkName, writeName } from "../../wire/device-name";
 import type { DeviceJobs, DeviceInfo } from "../../wire/types";
 import type { App } from "../../page/context";

@@ -1,10 +1,10 @@
 /** The Configure page: settings on the left, the form in the middle, what extensions show on the right. Loaded when it is first opened. */
 import { useEffect } from "preact/hooks";
 import { BudgetLine } from "../../forms/budget-bar";
-import { Button } from "../../ui/button";
+import { Button } from "../../ui/controls/button";
 import type { App } from "../../page/context";
 import { TopBar } from "../top-bar";
-import { route } from "../route";
+import { route } from "../../page/route";
 import { Empty, LinkedBand, OfflineBand, ProblemBand, Starting } from "../empty-states";
 import { ApplyBar } from "./apply-bar";
 import { Ask } from "./confirm-dialog";

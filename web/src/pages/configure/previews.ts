@@ -1,6 +1,6 @@
 /** Requests for the server's answers on drafts, on the device's values and on commands: shortly after the last key, the newest counts. */
-import type { PreviewResult } from "../../forms/types";
-import type { Outcome } from "../../ui/http";
+import type { PreviewResult } from "../../wire/form-types";
+import type { Outcome } from "../../requests/http";
 import { configureApi } from "./api";
 import type { Model } from "./model";
 

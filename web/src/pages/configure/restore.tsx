@@ -1,5 +1,5 @@
 /** The guided procedure for a device that answers at no rate: the user power-cycles it while the server calls it. */
-import { Button } from "../../ui/button";
+import { Button } from "../../ui/controls/button";
 import { isOver, JobLine, jobOf } from "./jobs";
 import type { Model } from "./model";
 import { configureApi } from "./api";

@@ -14,10 +14,10 @@ import { configureOf } from "./view-state";
 import { Restore } from "./restore";
 import { configureApi } from "./api";
 import "./styles";
-import { Button } from "../../ui/button";
-import type { Outcome } from "../../ui/http";
-import { Message } from "../../ui/message";
-import { ProblemNote } from "../../ui/problem-note";
+import { Button } from "../../ui/controls/button";
+import type { Outcome } from "../../requests/http";
+import { Message } from "../../ui/controls/message";
+import { ProblemNote } from "../../requests/problem-note";
 import { TEXT } from "../../texts/configure";
 
 const RADIUS = 20;

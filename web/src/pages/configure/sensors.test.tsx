@@ -2,7 +2,7 @@
 /** Edits, links and questions are about one sensor, whatever its number in this run and whichever port it is on. */
 import { fireEvent, screen, waitFor } from "@testing-library/preact";
 import { expect, test } from "vitest";
-import type { SettingForm, SnapshotBody } from "../../forms/types";
+import type { SettingForm, SnapshotBody } from "../../wire/form-types";
 import { openConfigure, type Opened } from "../../testing/configure-page";
 import { recorded } from "../../testing/recorded";
 import { configureOf } from "./view-state";

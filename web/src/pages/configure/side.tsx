@@ -1,12 +1,12 @@
 /** The right side: what extensions show of the device, and the queue of its jobs. */
-import { Slot } from "../../extension";
+import { Slot } from "../../extension/extension";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 import type { App } from "../../page/context";
 import { StopJob } from "./jobs";
 import type { Model } from "./model";
 
-declare module "../../extension" {
+declare module "../../extension/extension" {
   interface Slots {
     /** On the right of Configure; without a model there is no device. */
     readonly configureSide: { readonly app: App; readonly model: Model | undefined };

@@ -1,17 +1,17 @@
 /** The left side: device, search, groups with their edits, and restorable states. */
-import { fromExtensions } from "../../extension";
+import { fromExtensions } from "../../extension/extension";
 import { search } from "../../forms/search";
 import { dayWords } from "../../recordings/library-filter";
-import type { SnapshotInfo } from "../../forms/types";
-import { OptionList } from "../../ui/choices";
-import { clock } from "../../ui/format";
-import { IconButton } from "../../ui/icon-button";
-import { Icon } from "../../ui/icons";
-import { SearchField } from "../../ui/search-field";
-import { markOf } from "../../ui/page-state";
-import { select } from "../app-state";
+import type { SnapshotInfo } from "../../wire/form-types";
+import { OptionList } from "../../ui/controls/choices";
+import { clock } from "../../ui/format/format";
+import { IconButton } from "../../ui/controls/icon-button";
+import { Icon } from "../../ui/controls/icons";
+import { SearchField } from "../../ui/controls/search-field";
+import { markOf } from "../../page/page-state";
+import { select } from "../../page/app-state";
 import type { App } from "../../page/context";
-import { go, route } from "../route";
+import { go, route } from "../../page/route";
 import type { Model } from "./model";
 import { listed, snapshotTitle } from "./sides";
 import { linkTo, formPlaceOf } from "./view-state";

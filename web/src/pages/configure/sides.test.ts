@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import type { SnapshotInfo } from "../../forms/types";
+import type { SnapshotInfo } from "../../wire/form-types";
 import { listed, refFor, snapshotTitle } from "./sides";
 
 const info = (title: string, taken: number, part: Partial<SnapshotInfo> = {}): SnapshotInfo => ({

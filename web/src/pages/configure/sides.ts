@@ -1,5 +1,5 @@
 /** Sides of a comparison by the names that menus and addresses give them, as the server is asked for them; and which snapshots a list shows. */
-import type { SideRef, SnapshotInfo } from "../../forms/types";
+import type { SideRef, SnapshotInfo } from "../../wire/form-types";
 import { TEXT } from "../../texts/configure";
 
 /** "device", "~factory", "~file", "~other:<id>", or a snapshot's name. */

@@ -1,8 +1,8 @@
 /** Actions on a snapshot: view its text, download it, save it under a name, delete it. */
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { Button } from "../../ui/button";
-import { Dialog } from "../../ui/dialog";
+import { Button } from "../../ui/controls/button";
+import { Dialog } from "../../ui/controls/dialog";
 import type { Model } from "./model";
 import { configureApi } from "./api";
 import { goTo } from "./view-state";

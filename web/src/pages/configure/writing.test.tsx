@@ -2,7 +2,7 @@
 /** What is written to devices: asked before, refused, changed by others meanwhile, and taken back. */
 import { fireEvent, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
-import type { Difference, PreviewResult, SnapshotBody } from "../../forms/types";
+import type { Difference, PreviewResult, SnapshotBody } from "../../wire/form-types";
 import { openConfigure } from "../../testing/configure-page";
 import { recorded } from "../../testing/recorded";
 import type { DeviceInfo } from "../../wire/types";

@@ -15,26 +15,26 @@ import {
   recordingTitle,
 } from "../../recordings/library-filter";
 import { recordingsApi } from "../../recordings/api";
-import type { RecordingInfo } from "../../recordings/types";
-import { Button } from "../../ui/button";
-import { number } from "../../ui/format";
-import { IconButton } from "../../ui/icon-button";
-import { Icon } from "../../ui/icons";
-import { Hint } from "../../ui/card";
-import { Message } from "../../ui/message";
+import type { RecordingInfo } from "../../wire/recording-types";
+import { Button } from "../../ui/controls/button";
+import { number } from "../../ui/format/format";
+import { IconButton } from "../../ui/controls/icon-button";
+import { Icon } from "../../ui/controls/icons";
+import { Hint } from "../../ui/controls/card";
+import { Message } from "../../ui/controls/message";
 import type { App } from "../../page/context";
-import { Slot } from "../../extension";
-import { href } from "../route";
-import { exportingOf } from "./exporting";
+import { Slot } from "../../extension/extension";
+import { href } from "../../page/route";
+import { exportingOf } from "../../recordings/exporting";
 import { Jobs } from "./export-jobs";
 import { type Library, libraryOf } from "./library-store";
 import { playAsDevice } from "./share-menu";
 import { isViewOnly } from "../../wire/capabilities";
-import { SimulatedTag } from "../../ui/simulated-tag";
+import { SimulatedTag } from "../../ui/controls/simulated-tag";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
-declare module "../../extension" {
+declare module "../../extension/extension" {
   interface Slots {
     /** Under the facts of a recording that is selected. */
     readonly recordingDetails: RecordingProps;

@@ -3,7 +3,7 @@
 import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
 import type { Store } from "../../data/store";
-import type { RecordingDetail, RecordingInfo } from "../../recordings/types";
+import type { RecordingDetail, RecordingInfo } from "../../wire/recording-types";
 import { newApp } from "../../testing/live-page";
 import { answering, type Asked, recorded } from "../../testing/recorded";
 import { capabilities } from "../../wire/capabilities";

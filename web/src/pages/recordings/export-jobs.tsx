@@ -1,11 +1,11 @@
 /** The exports of a recording: running, done, failed. */
 import { bytes } from "../../recordings/library-filter";
 import { recordingsApi } from "../../recordings/api";
-import { Button } from "../../ui/button";
-import { Icon } from "../../ui/icons";
-import { Message } from "../../ui/message";
+import { Button } from "../../ui/controls/button";
+import { Icon } from "../../ui/controls/icons";
+import { Message } from "../../ui/controls/message";
 import type { ExportJob } from "../../wire/types";
-import { run } from "../app-state";
+import { run } from "../../page/app-state";
 import type { App } from "../../page/context";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";

@@ -1,7 +1,7 @@
 /** Keys of an open recording: those of Live, with playback instead of live mode. */
 import type { ReplayController } from "../../recordings/replay-controller";
-import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../../ui/keys";
-import { exportingOf } from "./exporting";
+import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../../page/keys";
+import { exportingOf } from "../../recordings/exporting";
 import { beginMarker } from "./markers";
 import type { OpenRecording } from "./open-recording";
 import { copyLink } from "./share-menu";

@@ -3,9 +3,9 @@ import { computed, effect, signal } from "@preact/signals";
 import { Prefetch } from "../../recordings/prefetch";
 import { type LibraryChoice, chosen, withReceiving } from "../../recordings/library-filter";
 import { recordingsApi, upload } from "../../recordings/api";
-import type { EditRequest, RecordingInfo } from "../../recordings/types";
-import type { HttpProblem } from "../../ui/http";
-import { perApp, run } from "../app-state";
+import type { EditRequest, RecordingInfo } from "../../wire/recording-types";
+import type { HttpProblem } from "../../requests/http";
+import { perApp, run } from "../../page/app-state";
 import type { App } from "../../page/context";
 
 /** A file being uploaded. */

@@ -12,24 +12,24 @@ import {
   countedValues,
   recordingTitle,
 } from "../../recordings/library-filter";
-import type { RecordingInfo } from "../../recordings/types";
-import { Button } from "../../ui/button";
-import { Card } from "../../ui/card";
-import { IconButton } from "../../ui/icon-button";
-import { Icon } from "../../ui/icons";
-import { SearchField } from "../../ui/search-field";
-import { Message } from "../../ui/message";
+import type { RecordingInfo } from "../../wire/recording-types";
+import { Button } from "../../ui/controls/button";
+import { Card } from "../../ui/controls/card";
+import { IconButton } from "../../ui/controls/icon-button";
+import { Icon } from "../../ui/controls/icons";
+import { SearchField } from "../../ui/controls/search-field";
+import { Message } from "../../ui/controls/message";
 import type { App } from "../../page/context";
-import { Slot } from "../../extension";
+import { Slot } from "../../extension/extension";
 import { TopBar } from "../top-bar";
-import { go, href } from "../route";
+import { go, href } from "../../page/route";
 import { OfflineBand, ProblemBand } from "../empty-states";
-import { PageOverlays } from "./overlays";
+import { PageOverlays } from "../overlays";
 import { RecordingDetails } from "./details";
 import { type Library, libraryOf } from "./library-store";
 import { Thumb } from "./thumbnail";
-import { TableHead } from "../../ui/table-head";
-import { SimulatedTag } from "../../ui/simulated-tag";
+import { TableHead } from "../../ui/controls/table-head";
+import { SimulatedTag } from "../../ui/controls/simulated-tag";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
@@ -38,7 +38,7 @@ export interface RecordingProps {
   readonly info: RecordingInfo;
 }
 
-declare module "../../extension" {
+declare module "../../extension/extension" {
   interface Slots {
     /** In the row of a recording, before its facts. */
     readonly recordingRow: RecordingProps;

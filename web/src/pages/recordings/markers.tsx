@@ -2,9 +2,9 @@
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { length } from "../../recordings/library-filter";
 import { recordingsApi } from "../../recordings/api";
-import { Button } from "../../ui/button";
-import { IconButton } from "../../ui/icon-button";
-import { run } from "../app-state";
+import { Button } from "../../ui/controls/button";
+import { IconButton } from "../../ui/controls/icon-button";
+import { run } from "../../page/app-state";
 import type { OpenRecording } from "./open-recording";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";

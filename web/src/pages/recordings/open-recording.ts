@@ -3,7 +3,7 @@ import { type Signal, signal } from "@preact/signals";
 import type { FunctionComponent } from "preact";
 import type { Deps } from "../../page/context";
 import type { ReplayController } from "../../recordings/replay-controller";
-import { type LinkedPlace, placeHref } from "../../recordings/permalink";
+import { type LinkedPlace, placeHref } from "../../page/permalink";
 import { applyLinkText, linkTextOf } from "../../workspace/parts";
 import { sessionOf, type WorkspaceSession } from "../../workspace/session";
 import type { App } from "../../page/context";
@@ -14,7 +14,7 @@ declare module "../../page/context" {
   }
 }
 
-declare module "../../ui/keys" {
+declare module "../../page/keys" {
   interface ExtensionPress {
     /** The one it was pressed over; undefined on Live. */
     readonly recording?: OpenRecording;

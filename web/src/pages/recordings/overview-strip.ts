@@ -5,14 +5,14 @@
 import { effect } from "@preact/signals";
 import { fitting, hatch, onLook, palette, type Palette, setFont, CanvasLayer } from "../../plots/canvas-style";
 import { protocolAmong } from "../../wire/capabilities";
-import { usualPlots } from "../../plots/plot-selection";
+import { usualPlots } from "../../signals/plot-selection";
 import { decode } from "../../wire/codec";
 import { length } from "../../recordings/library-filter";
 import { motionOf, worstOf } from "../../recordings/overview-data";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { fetchWindow } from "../../recordings/api";
-import { el, type Panel } from "../../ui/dom";
-import { span as spanOf } from "../../ui/format";
+import { el, type Panel } from "../../ui/dom/dom";
+import { span as spanOf } from "../../ui/format/format";
 import { TEXT } from "../../texts/recordings";
 
 /** Parts of the recording: more than a strip has pixels of bars. */

@@ -1,6 +1,6 @@
 /** The Recordings page: the library, or an open recording. Loaded on first use. */
 import type { App } from "../../page/context";
-import { reopened, route } from "../route";
+import { reopened, route } from "../../page/route";
 import { LibraryPage } from "./library";
 import { OpenPage } from "./open-page";
 import "./library.css";

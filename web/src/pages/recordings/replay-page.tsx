@@ -1,20 +1,20 @@
 /** An open recording: the panels of Live over its samples, with the playback controls under the plots. */
 import { useEffect } from "preact/hooks";
 import { onFrame } from "../../data/render-loop";
-import { fromExtensions, Slot } from "../../extension";
+import { fromExtensions, Slot } from "../../extension/extension";
 import { placesOf } from "../../plots/markers";
 import { mountStack } from "../../plots/plot-stack";
 import type { UnderPlots } from "../../plots/under-plots";
-import { readPlace } from "../../recordings/permalink";
+import { readPlace } from "../../page/permalink";
 import { bytes, dateWords, length, recordingTitle } from "../../recordings/library-filter";
 import type { Deps } from "../../page/context";
 import type { ReplayController } from "../../recordings/replay-controller";
-import { Band } from "../../ui/band";
-import type { Panel } from "../../ui/dom";
-import { IconButton } from "../../ui/icon-button";
-import { Icon } from "../../ui/icons";
-import { Message } from "../../ui/message";
-import { PanelHost } from "../../ui/panel-host";
+import { Band } from "../../ui/controls/band";
+import type { Panel } from "../../ui/dom/dom";
+import { IconButton } from "../../ui/controls/icon-button";
+import { Icon } from "../../ui/controls/icons";
+import { Message } from "../../ui/controls/message";
+import { PanelHost } from "../../panels/panel-host";
 import { ArrangeTools } from "../../workspace/arrange";
 import { LateSignalsPanel, LateYAxisDialog } from "../dialogs";
 import { MainColumn } from "../../workspace/main-column";
@@ -24,7 +24,7 @@ import { RecordingViewer, RecordingViews } from "../../views/viewers";
 import { TopBar } from "../top-bar";
 import { SideColumn } from "../side-panels";
 import { keepAddress } from "../keep-address";
-import { href, parse, route } from "../route";
+import { href, parse, route } from "../../page/route";
 import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { listenForKeys } from "./keys";
@@ -32,14 +32,14 @@ import type { App } from "../../page/context";
 import { type OpenRecording, recordingHref, takeWorkspace } from "./open-recording";
 import { Markers } from "./markers";
 import { mountOverview } from "./overview-strip";
-import { PageOverlays } from "./overlays";
+import { PageOverlays } from "../overlays";
 import { HandOn } from "./share-menu";
 import { SettingsDialog, SettingsLine } from "./settings";
 import { Transport } from "./transport";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
-declare module "../../extension" {
+declare module "../../extension/extension" {
   interface Slots {
     /** On a phone, the line over an open recording that opens other views of it. */
     readonly recordingViews: { readonly recording: OpenRecording };

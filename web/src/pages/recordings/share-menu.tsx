@@ -1,20 +1,20 @@
 /** Sharing a recording: a link to the view, an export, the whole file, or a device that plays it. */
 import type { ReplayController } from "../../recordings/replay-controller";
-import { Slot } from "../../extension";
+import { Slot } from "../../extension/extension";
 import { recordingsApi } from "../../recordings/api";
-import type { PlayRequest } from "../../recordings/types";
-import { Button } from "../../ui/button";
-import { copyText } from "../../ui/copy";
-import { Icon } from "../../ui/icons";
-import { run, select } from "../app-state";
+import type { PlayRequest } from "../../wire/recording-types";
+import { Button } from "../../ui/controls/button";
+import { copyText } from "../../ui/dom/copy";
+import { Icon } from "../../ui/controls/icons";
+import { run, select } from "../../page/app-state";
 import type { App } from "../../page/context";
-import { go } from "../route";
+import { go } from "../../page/route";
 import { type OpenRecording, recordingHref } from "./open-recording";
-import { exportingOf, type ExportRange } from "./exporting";
+import { exportingOf, type ExportRange } from "../../recordings/exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 
-declare module "../../extension" {
+declare module "../../extension/extension" {
   interface Slots {
     /** Actions of an open recording, beside its name. */
     readonly recordingActions: { readonly recording: OpenRecording };

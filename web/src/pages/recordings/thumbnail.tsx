@@ -1,8 +1,8 @@
 /** The motion of a recording in a strip, with a mark wherever samples were lost. */
 import { useEffect, useRef } from "preact/hooks";
-import type { RecordingInfo } from "../../recordings/types";
-import { css, surface } from "../../ui/canvas";
-import { theme } from "../../ui/theme";
+import type { RecordingInfo } from "../../wire/recording-types";
+import { css, surface } from "../../ui/dom/canvas";
+import { theme } from "../../ui/dom/theme";
 import { TEXT } from "../../texts/recordings";
 
 /** A loss is never narrower than this, px. */

@@ -4,7 +4,7 @@ import { fireEvent, render, screen, waitFor, within } from "@testing-library/pre
 import { expect, test } from "vitest";
 import { createViewState } from "../../data/view-state";
 import { ReplayController } from "../../recordings/replay-controller";
-import type { RecordingDetail } from "../../recordings/types";
+import type { RecordingDetail } from "../../wire/recording-types";
 import { newApp } from "../../testing/live-page";
 import { answering, type Answers, type Asked } from "../../testing/recorded";
 import { Markers } from "./markers";

@@ -1,10 +1,10 @@
 /** What is compared, and how both are aligned. */
 import { useSignal } from "@preact/signals";
-import { Button } from "../../../ui/button";
-import { Select } from "../../../ui/choices";
-import { IconButton } from "../../../ui/icon-button";
-import { Icon } from "../../../ui/icons";
-import { usePhone } from "../../../ui/use-phone";
+import { Button } from "../../../ui/controls/button";
+import { Select } from "../../../ui/controls/choices";
+import { IconButton } from "../../../ui/controls/icon-button";
+import { Icon } from "../../../ui/controls/icons";
+import { usePhone } from "../../../ui/controls/use-phone";
 import { figure } from "../../../charts/axes";
 import { boundsOf, type CompareModel, isLive, momentsOf, comparedNames, sourceTitle } from "./model";
 import type { ComparePlace, SideChoice } from "./sides";

@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { fireEvent, render, screen, waitFor } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
-import { route } from "../../../pages/route";
+import { route } from "../../../page/route";
 import type { App } from "../../../page/context";
 import { answering, type Asked } from "../../../testing/recorded";
 import type { ComparisonAnswer } from "../../../wire/routes";

@@ -2,14 +2,14 @@
 import { useSignal } from "@preact/signals";
 import { figure } from "../../../charts/axes";
 import { type ChartCurve, type CurveNumbers, FigureChart } from "../chart";
-import { request } from "../../../ui/http";
-import { Message } from "../../../ui/message";
-import { ProblemNote } from "../../../ui/problem-note";
-import { usePolled } from "../../../ui/use-polled";
+import { request } from "../../../requests/http";
+import { Message } from "../../../ui/controls/message";
+import { ProblemNote } from "../../../requests/problem-note";
+import { usePolled } from "../../../requests/use-polled";
 import type { ComparedSignal, SignalFigures } from "../../../wire/routes";
 import { type CompareModel, requestOf } from "./model";
 import type { ComparePlace, SideChoice } from "./sides";
-import { TableHead } from "../../../ui/table-head";
+import { TableHead } from "../../../ui/controls/table-head";
 import { TEXT as ANALYSIS } from "../texts";
 import { TEXT } from "./texts";
 

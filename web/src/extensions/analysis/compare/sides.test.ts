@@ -1,7 +1,7 @@
 /** Sides of a comparison: the address, what a view gives, and which other side is proposed. */
 import { describe, expect, it } from "vitest";
 import { createViewState } from "../../../data/view-state";
-import type { RecordingInfo } from "../../../recordings/types";
+import type { RecordingInfo } from "../../../wire/recording-types";
 import type { DeviceInfo } from "../../../wire/types";
 import { comparisonHref, isComparison, likelyOther, readComparison, requestedSide, sideOf } from "./sides";
 

@@ -5,10 +5,10 @@
  *     a, b: recording or live device · ad: device of the recording · a0, a1: range, unix s · al: last seconds of a live device
  */
 import type { ViewState } from "../../../data/view-state";
-import type { RecordingInfo } from "../../../recordings/types";
+import type { RecordingInfo } from "../../../wire/recording-types";
 import type { ComparedSide } from "../../../wire/routes";
 import type { DeviceInfo } from "../../../wire/types";
-import type { Route } from "../../../pages/route";
+import type { Route } from "../../../page/route";
 
 export interface SideChoice {
   /** Id of a recording or of a live device. */

@@ -1,6 +1,6 @@
 /** Texts of the page that compares two sides. */
 import { count } from "../../../texts/plural";
-import type { Value } from "../../../texts/wire";
+import type { Value } from "../../../wire/texts";
 
 export const TEXT = {
   key: "Compare with another recording, device or range",

@@ -1,6 +1,6 @@
 /** Content of the file: read from its JSON and binary blocks (server/extensions/evidence/series.py writes them). */
-import { niceStep } from "../../../plots/scale";
-import { decimalsOf } from "../../../ui/format";
+import { niceStep } from "../../../charts/scale";
+import { decimalsOf } from "../../../ui/format/format";
 
 interface BlockRef {
   readonly block: number;

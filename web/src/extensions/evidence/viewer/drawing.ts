@@ -2,8 +2,8 @@
 import { lowerBound } from "../../../data/line-breaks";
 import { tickLabel, timeStep } from "../../../plots/axis";
 import { isLogarithmic, logTicks } from "../../../plots/y-axis";
-import { Scale, ticks } from "../../../plots/scale";
-import { number } from "../../../ui/format";
+import { Scale, ticks } from "../../../charts/scale";
+import { number } from "../../../ui/format/format";
 import type { EmbeddedCurve, EmbeddedPlot } from "./content";
 
 /** What all plots show, in seconds from the beginning of the range. */

@@ -1,6 +1,6 @@
 /** Values of curves: at a time, and between two. Pure. */
 import { lowerBound } from "../../../data/line-breaks";
-import { number } from "../../../ui/format";
+import { number } from "../../../ui/format/format";
 import { TEXT } from "./texts";
 import type { EmbeddedCurve } from "./content";
 

@@ -1,5 +1,5 @@
 /** Texts of evidence: the dialog that makes it, and the viewer in the file. */
-import type { Value } from "../../../texts/wire";
+import type { Value } from "../../../wire/texts";
 
 export const TEXT = {
   zoomIn: "Zoom in",

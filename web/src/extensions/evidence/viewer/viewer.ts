@@ -1,7 +1,7 @@
 /** The viewer in the file: plots with one time axis, two cursors, and what is measured between them. */
 import { duration } from "../../../plots/axis";
-import { el } from "../../../ui/dom";
-import { clock, number } from "../../../ui/format";
+import { el } from "../../../ui/dom/dom";
+import { clock, number } from "../../../ui/format/format";
 import { TEXT } from "./texts";
 import type { Content, EmbeddedPlot } from "./content";
 import { draw, type Marks, type DrawnRange } from "./drawing";

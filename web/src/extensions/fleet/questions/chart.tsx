@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { type Axis, axisOf, figure, share } from "../../../charts/axes";
 import { Chart, chartClass, pointIn, useChart } from "../../../charts/chart";
-import { Select } from "../../../ui/choices";
+import { Select } from "../../../ui/controls/choices";
 import type { QueryAnswer } from "../../../wire/routes";
 import { countedBins, chartGroups, numbersOf, pictureOf, positionsOf, positionText } from "./chart-data";
 import type { Questions } from "./state";

@@ -1,5 +1,5 @@
 /** Completion of a question in SQL: tables, columns, signals, functions and words of SQL at the caret. */
-import type { Completion } from "../../../completion/use-completion";
+import type { Completion } from "../../../ui/completion/use-completion";
 import type { QueryWords } from "../../../wire/routes";
 
 const MOST = 8;

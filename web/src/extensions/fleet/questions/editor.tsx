@@ -1,8 +1,8 @@
 /** The editor of a question: completion at the caret, Ctrl+Enter, and the place of a mistake. */
 import { useCallback, useEffect, useRef } from "preact/hooks";
-import { CompletionList, completed } from "../../../completion/completion-list";
-import { MarkedMistake } from "../../../completion/mistake";
-import { useCompletion } from "../../../completion/use-completion";
+import { CompletionList, completed } from "../../../ui/completion/completion-list";
+import { MarkedMistake } from "../../../ui/completion/mistake";
+import { useCompletion } from "../../../ui/completion/use-completion";
 import { completionsOfSql, placeOfMistake } from "./completion";
 import type { Questions } from "./state";
 import { TEXT } from "./texts";

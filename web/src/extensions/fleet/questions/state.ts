@@ -1,9 +1,9 @@
 /** State of the page of questions: the text, the question that runs, its answer, and what was asked before in this browser. */
 import { type Signal, signal } from "@preact/signals";
-import { perApp } from "../../../pages/app-state";
+import { perApp } from "../../../page/app-state";
 import type { App } from "../../../page/context";
-import { href } from "../../../pages/route";
-import { request, respond, type HttpProblem, UNREACHED } from "../../../ui/http";
+import { href } from "../../../page/route";
+import { request, respond, type HttpProblem, UNREACHED } from "../../../requests/http";
 import type { PreparedQuestionInfo, QueryAnswer, QueryWords } from "../../../wire/routes";
 import type { Order } from "./answer";
 import { type ChartChoice, firstChoice, numbersOf } from "./chart-data";

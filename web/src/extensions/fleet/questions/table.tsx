@@ -1,7 +1,7 @@
 /** The answer as a table: only the rows on screen are in the document; a click on a heading sorts. */
 import { useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { Icon } from "../../../ui/icons";
+import { Icon } from "../../../ui/controls/icons";
 import type { QueryAnswer } from "../../../wire/routes";
 import { openingOf, type Opening, type AnswerRow, shownCell, sorted, cellText } from "./answer";
 import type { Questions } from "./state";

@@ -1,6 +1,6 @@
 /** Texts of the page of questions about a store. */
 import { count } from "../../../texts/plural";
-import type { Value } from "../../../texts/wire";
+import type { Value } from "../../../wire/texts";
 
 export const TEXT = {
   questionsImuscope: "Questions · imuscope",

@@ -1,8 +1,8 @@
 /** Raised alarms of a robot: its own, and those of the fleet server, which are acknowledged here. */
 import { useSignal } from "@preact/signals";
-import { Button } from "../../../ui/button";
-import { type HttpProblem, request } from "../../../ui/http";
-import { ProblemNote } from "../../../ui/problem-note";
+import { Button } from "../../../ui/controls/button";
+import { type HttpProblem, request } from "../../../requests/http";
+import { ProblemNote } from "../../../requests/problem-note";
 import type { RobotAlarm, RobotSummary } from "../../../wire/routes";
 import type { Fleet } from "./fleet-state";
 import { PersonForm } from "./person-form";

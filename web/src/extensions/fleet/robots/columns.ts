@@ -1,5 +1,5 @@
 /** The columns of the fleet: what a cell says, and what it is sorted by. Pure. */
-import { age, number, rate } from "../../../ui/format";
+import { age, number, rate } from "../../../ui/format/format";
 import { TEXT } from "./texts";
 import { CONDITIONS, hasLittleFree, hasNoFix, isLosing, isSlow, raised, type Tone } from "./conditions";
 import type { Robot } from "./robots";

@@ -1,9 +1,9 @@
 /** Everything known of one robot: beside the list, or over it on a phone. */
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { number } from "../../../ui/format";
-import { robotHref } from "../../../ui/server-place";
-import { IconButton } from "../../../ui/icon-button";
+import { number } from "../../../ui/format/format";
+import { robotHref } from "../../../requests/server-place";
+import { IconButton } from "../../../ui/controls/icon-button";
 import { Alarms } from "./alarms";
 import {
   type RobotCell,

@@ -1,10 +1,10 @@
 /** What happened on one robot, asked for when it is opened, and removing a robot that is lost. */
 import { useSignal } from "@preact/signals";
 import { dayWords } from "../../../recordings/library-filter";
-import { Button } from "../../../ui/button";
-import { clock } from "../../../ui/format";
-import { type HttpProblem, request } from "../../../ui/http";
-import { ProblemNote } from "../../../ui/problem-note";
+import { Button } from "../../../ui/controls/button";
+import { clock } from "../../../ui/format/format";
+import { type HttpProblem, request } from "../../../requests/http";
+import { ProblemNote } from "../../../requests/problem-note";
 import type { FleetEvent } from "../../../wire/routes";
 import type { Fleet } from "./fleet-state";
 import { TEXT } from "./texts";

@@ -1,9 +1,9 @@
 /** What the page of a fleet knows and shows: its robots, asked for each second, and their order on screen. */
 import { batch, computed, signal } from "@preact/signals";
-import { perApp } from "../../../pages/app-state";
+import { perApp } from "../../../page/app-state";
 import type { App } from "../../../page/context";
-import { route } from "../../../pages/route";
-import { isRefusal, type HttpProblem, request } from "../../../ui/http";
+import { route } from "../../../page/route";
+import { isRefusal, type HttpProblem, request } from "../../../requests/http";
 import { type FleetPlace, fleetHref, readRobotPlace, START } from "./address";
 import { columnNamed, type RobotColumn } from "./columns";
 import { arrange, countAll, type RobotGroup, isSameOrder, robotLines } from "./order";

@@ -2,8 +2,8 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { RobotSummary, RolloutHead } from "../../../wire/routes";
-import { Button } from "../../../ui/button";
-import { request } from "../../../ui/http";
+import { Button } from "../../../ui/controls/button";
+import { request } from "../../../requests/http";
 import { TEXT } from "./rollout-texts";
 
 /** Pause between two requests while a rollout is under way, ms. */

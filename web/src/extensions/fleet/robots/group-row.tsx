@@ -1,6 +1,6 @@
 /** The head of a group: how many robots it has, and how many of them are in trouble. */
-import { number } from "../../../ui/format";
-import { Icon } from "../../../ui/icons";
+import { number } from "../../../ui/format/format";
+import { Icon } from "../../../ui/controls/icons";
 import type { Fleet } from "./fleet-state";
 import { inShown, type Line, type RobotFilter } from "./order";
 import { rowProperties } from "./roles";

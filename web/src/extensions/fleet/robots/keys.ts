@@ -1,5 +1,5 @@
 /** The keys of the fleet page, for the list of keys. */
-import type { KeyGroup } from "../../../ui/keys";
+import type { KeyGroup } from "../../../page/keys";
 import { COMMON } from "../../../texts/common";
 import { TEXT } from "./texts";
 

@@ -7,13 +7,13 @@
  */
 import { useComputed, useSignal } from "@preact/signals";
 import { useCallback, useLayoutEffect, useRef } from "preact/hooks";
-import { Icon } from "../../../ui/icons";
+import { Icon } from "../../../ui/controls/icons";
 import { COLUMNS } from "./columns";
 import type { Fleet } from "./fleet-state";
 import { GroupRow } from "./group-row";
 import type { Line } from "./order";
 import { ageText, RobotRow } from "./row";
-import { usePhone } from "../../../ui/use-phone";
+import { usePhone } from "../../../ui/controls/use-phone";
 import { TEXT } from "./texts";
 
 const HEIGHT = 32;

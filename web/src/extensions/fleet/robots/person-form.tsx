@@ -1,6 +1,6 @@
 /** Asks for the name of the person before something is done: it is logged with it. */
-import { Button } from "../../../ui/button";
-import { storedName, storeName } from "../../../ui/person-name";
+import { Button } from "../../../ui/controls/button";
+import { storedName, storeName } from "../../../requests/person-name";
 import { COMMON } from "../../../texts/common";
 import { TEXT } from "./texts";
 import "./settings.css";

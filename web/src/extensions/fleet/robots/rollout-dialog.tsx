@@ -1,6 +1,6 @@
 /** The profile of a group, applied to its robots: the plan, then how it goes. It goes on when the dialog is closed. */
 import { useSignal } from "@preact/signals";
-import { Dialog } from "../../../ui/dialog";
+import { Dialog } from "../../../ui/controls/dialog";
 import { RolloutPlanForm } from "./rollout-plan";
 import { RolloutProgress } from "./rollout-progress";
 import { TEXT } from "./rollout-texts";

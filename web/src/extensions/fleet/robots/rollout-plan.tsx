@@ -2,13 +2,13 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
-import { Button } from "../../../ui/button";
-import { type HttpProblem, request } from "../../../ui/http";
-import { Message } from "../../../ui/message";
-import { storedName, storeName } from "../../../ui/person-name";
-import { ProblemNote } from "../../../ui/problem-note";
+import { Button } from "../../../ui/controls/button";
+import { type HttpProblem, request } from "../../../requests/http";
+import { Message } from "../../../ui/controls/message";
+import { storedName, storeName } from "../../../requests/person-name";
+import { ProblemNote } from "../../../requests/problem-note";
 import type { DeviceLeftOut, PlannedDevice, RolloutChanges, RolloutPlan } from "../../../wire/routes";
-import { TableHead } from "../../../ui/table-head";
+import { TableHead } from "../../../ui/controls/table-head";
 import { TEXT as FLEET } from "./texts";
 import { TEXT } from "./rollout-texts";
 

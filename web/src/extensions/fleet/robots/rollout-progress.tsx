@@ -1,11 +1,11 @@
 /** A rollout: how far it is, what became of each device, and a button that stops it. */
 import { useSignal } from "@preact/signals";
-import { Button } from "../../../ui/button";
-import { request } from "../../../ui/http";
-import { Message } from "../../../ui/message";
-import { storedName } from "../../../ui/person-name";
-import { ProblemNote } from "../../../ui/problem-note";
-import { usePolled } from "../../../ui/use-polled";
+import { Button } from "../../../ui/controls/button";
+import { request } from "../../../requests/http";
+import { Message } from "../../../ui/controls/message";
+import { storedName } from "../../../requests/person-name";
+import { ProblemNote } from "../../../requests/problem-note";
+import { usePolled } from "../../../requests/use-polled";
 import type { Rollout, RolloutDevice } from "../../../wire/routes";
 import { PersonForm } from "./person-form";
 import { TEXT } from "./rollout-texts";

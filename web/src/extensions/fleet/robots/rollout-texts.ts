@@ -1,6 +1,6 @@
 /** Texts of rollouts: the profile of a group, applied in waves. */
 import { count } from "../../../texts/plural";
-import type { Value } from "../../../texts/wire";
+import type { Value } from "../../../wire/texts";
 
 const groupWords = (group: string): string => (group === "" ? "the robots without a group" : `the group ${group}`);
 

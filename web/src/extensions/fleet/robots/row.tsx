@@ -1,13 +1,13 @@
 /** One line of the list. A row is drawn again only if what it shows has changed. */
 import { Component, type JSX } from "preact";
-import { Button } from "../../../ui/button";
-import { age } from "../../../ui/format";
-import { Icon } from "../../../ui/icons";
+import { Button } from "../../../ui/controls/button";
+import { age } from "../../../ui/format/format";
+import { Icon } from "../../../ui/controls/icons";
 import { type RobotCell, cellOf, COLUMNS, type RobotColumn, deviceCell, stateWord } from "./columns";
 import { fleetHref, type FleetPlace } from "./address";
 import type { RobotDevice } from "../../../wire/routes";
 import type { Robot } from "./robots";
-import { robotHref } from "../../../ui/server-place";
+import { robotHref } from "../../../requests/server-place";
 import { rowProperties } from "./roles";
 import { TEXT } from "./texts";
 

@@ -2,15 +2,15 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
-import { Button } from "../../../ui/button";
-import { type Outcome, type HttpProblem, request } from "../../../ui/http";
-import { ProblemNote } from "../../../ui/problem-note";
+import { Button } from "../../../ui/controls/button";
+import { type Outcome, type HttpProblem, request } from "../../../requests/http";
+import { ProblemNote } from "../../../requests/problem-note";
 import type { DeviceSettingsCheck, RobotSummary } from "../../../wire/routes";
 import type { Fleet } from "./fleet-state";
 import { GroupRollout } from "./group-rollout";
 import { PersonForm } from "./person-form";
-import { late } from "../../../ui/late";
-import { TableHead } from "../../../ui/table-head";
+import { late } from "../../../ui/dom/late";
+import { TableHead } from "../../../ui/controls/table-head";
 import { TEXT } from "./texts";
 
 const RolloutDialog = late(async () => (await import("./rollout-dialog")).RolloutDialog);

@@ -1,6 +1,6 @@
 /** Texts of the fleet page. */
 import { count, plural } from "../../../texts/plural";
-import type { Value } from "../../../texts/wire";
+import type { Value } from "../../../wire/texts";
 
 export const TEXT = {
   title: "Fleet · imuscope",

@@ -1,10 +1,10 @@
 /** Above the robots: how many there are in each condition, and search, grouping and order. */
 import { useEffect } from "preact/hooks";
-import { Button } from "../../../ui/button";
-import { Segmented, Select } from "../../../ui/choices";
-import { number } from "../../../ui/format";
-import { IconButton } from "../../../ui/icon-button";
-import { SearchField } from "../../../ui/search-field";
+import { Button } from "../../../ui/controls/button";
+import { Segmented, Select } from "../../../ui/controls/choices";
+import { number } from "../../../ui/format/format";
+import { IconButton } from "../../../ui/controls/icon-button";
+import { SearchField } from "../../../ui/controls/search-field";
 import { COLUMNS, columnNamed } from "./columns";
 import { CONDITIONS } from "./conditions";
 import type { Fleet } from "./fleet-state";

@@ -4,7 +4,7 @@ import type { RecordingProps } from "../../../pages/recordings/library";
 import type { App } from "../../../page/context";
 import { dateWords } from "../../../recordings/library-filter";
 import { TEXT as RECORDINGS } from "../../../texts/recordings";
-import { Hint } from "../../../ui/card";
+import { Hint } from "../../../ui/controls/card";
 import type { RecordingUpload } from "../../../wire/routes";
 import { uploadsOf } from "./state";
 import { TEXT } from "./texts";

@@ -1,7 +1,7 @@
 /** Uploads of recordings to the store: asked for while the library shows any, and again while one is under way. */
 import { effect, signal } from "@preact/signals";
-import { perApp } from "../../../pages/app-state";
-import { request } from "../../../ui/http";
+import { perApp } from "../../../page/app-state";
+import { request } from "../../../requests/http";
 import type { RecordingUpload } from "../../../wire/routes";
 
 /** Interval of asking while one is under way, ms. */

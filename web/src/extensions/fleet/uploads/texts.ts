@@ -1,5 +1,5 @@
 /** Texts of uploads to the store. */
-import type { Value } from "../../../texts/wire";
+import type { Value } from "../../../wire/texts";
 
 export const TEXT = {
   store: "Store",

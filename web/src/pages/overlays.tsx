@@ -1,0 +1,14 @@
+/** Overlays of Live and of the pages of recordings: the list of keys, a packet, and the export dialog. */
+import { Help } from "./help";
+import type { App } from "../page/context";
+import { LateExportDialog, LatePacket } from "./dialogs";
+import { exportingOf } from "../recordings/exporting";
+
+export function PageOverlays({ app }: { readonly app: App }) {
+  const { overlay } = app;
+  const exporting = exportingOf(app);
+  if (overlay.value === "help") return <Help onClose={() => (overlay.value = undefined)} />;
+  if (overlay.value === "packet") return <LatePacket app={app} onClose={() => (overlay.value = undefined)} />;
+  if (exporting.value) return <LateExportDialog app={app} of={exporting.value} />;
+  return null;
+}
