@@ -11,10 +11,11 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import PurePath
 
 from imuscope.server.devices.link.connection_state import TRANSITIONS, ConnectionEvent
 from imuscope.server.services.extension import extensions
-from tests.rooms import HOUSES, table_of
+from tests.rooms import HOUSES, PAGE, table_of
 from tests.source_files import ROOT
 
 DOCUMENT = ROOT / "docs" / "architecture.md"
@@ -24,11 +25,18 @@ BEGIN, END = "<!-- picture: {}; python -m tests.architecture_pictures -->\n\n", 
 def rooms(folders: Sequence[str]) -> Iterator[str]:
     """Subgraphs of folders with the rows of their tables."""
     for folder in folders:
-        yield f"    subgraph {folder}"
-        for part, names in table_of(folder).items():
-            yield f'        {folder}_{part}["{part}"]'
-            yield from (f"        {folder}_{part} --> {folder}_{other}" for other in sorted(names))
+        name = PurePath(folder).parts[0]
+        yield f"    subgraph {name}"
+        for part, others in table_of(folder).items():
+            place = f"{name}_{part}".replace("/", "_")
+            yield f'        {place}["{part}"]'
+            yield from (f"        {place} --> {name}_{other.replace('/', '_')}" for other in sorted(others))
         yield "    end"
+
+
+def page_rooms() -> str:
+    """Parts of the page."""
+    return "\n".join(["flowchart TD", *rooms([PAGE])])
 
 
 def python_rooms() -> str:
@@ -54,7 +62,11 @@ def connection() -> str:
     return "\n".join(lines)
 
 
-PICTURES: Mapping[str, Callable[[], str]] = {"rooms of the program": python_rooms, "states of a connection": connection}
+PICTURES: Mapping[str, Callable[[], str]] = {
+    "rooms of the program": python_rooms,
+    "rooms of the page": page_rooms,
+    "states of a connection": connection,
+}
 
 
 def with_pictures(document: str) -> str:

@@ -16,15 +16,15 @@ SOURCES = ROOT / "web" / "src"
 NOT_CHECKED = ("testing/",)  # not part of the page
 LISTED: dict[str, tuple[set[str], str]] = {
     "data/render-loop.ts": ({"painters", "isRunning", "drawn"}, "a document draws all of its canvases in one frame"),
-    "extension.tsx": ({"extensions"}, "filled while modules are loaded"),
+    "extension/extension.tsx": ({"extensions"}, "filled while modules are loaded"),
     "extensions/map/path.ts": ({"origins"}, "a cache by channel"),
-    "main.tsx": ({"store", "app"}, "the page starts here"),
-    "pages/route.ts": ({"route", "reopened"}, "a document has one address, which it may open once more"),
+    "shell/main.tsx": ({"store", "app"}, "the page starts here"),
+    "page/route.ts": ({"route", "reopened"}, "a document has one address, which it may open once more"),
     "panels/registry.ts": ({"panels", "added"}, "filled while modules are loaded: those of packages come later"),
     "plots/canvas-style.ts": ({"hatches"}, "a cache of patterns"),
     "recordings/visible-range.ts": ({"#lastPixels"}, "a first guess, until its plots have a width"),
-    "ui/canvas.ts": ({"cache", "cachedTheme"}, "colours of the theme, read once"),
-    "ui/theme.ts": ({"theme"}, "a document has one theme"),
+    "ui/dom/canvas.ts": ({"cache", "cachedTheme"}, "colours of the theme, read once"),
+    "ui/dom/theme.ts": ({"theme"}, "a document has one theme"),
     "workspace/parts.ts": ({"parts"}, "filled while modules are loaded"),
     "wire/capabilities.ts": (
         {"capabilities", "byName", "abbreviations", "isViewOnly"},

@@ -3,8 +3,8 @@
     /openapi.json, paths               an entry of `Routes` each, "GET /api/devices/{device}/forms": input, answer
     /openapi.json, components/schemas  an interface each, except those of types.ts, which have comments there
 
-A client names a route, and its parameters, body and answer are type-checked (web/src/requests/http.ts). In a body, fields
-with a default may be left out. A body or an answer that is not JSON is a Blob, text is a string, no content is
+A client names a route, and its parameters, body and answer are type-checked (web/src/requests/http.ts). In a body,
+fields with a default may be left out. A body or an answer that is not JSON is a Blob, text is a string, no content is
 undefined. `python -m imuscope.server.generators.ts_types` writes the file. A schema without a rule here is an error,
 not a guess.
 """
