@@ -5,6 +5,7 @@
  * of `findBy…` and `waitFor` of the testing library.
  */
 import { afterEach, vi } from "vitest";
+import { isViewOnly } from "../wire/capabilities";
 
 const PATIENCE = { timeout: 20_000 };
 const FRAME_MS = 4;
@@ -14,6 +15,7 @@ Reflect.set(vi, "plainWaitFor", waitFor);
 vi.waitFor = (check, options = PATIENCE) => waitFor(check, options);
 
 afterEach(() => {
+  isViewOnly.value = false; // files share modules: a refused request in one disabled buttons in the next
   vi.useRealTimers();
   vi.unstubAllGlobals();
   vi.restoreAllMocks();
