@@ -18,7 +18,6 @@ from imuscope.recordings.tables.time_units import (
     RECENT,
     SPELLINGS,
     UNITS,
-    USUAL_S,
     Floats,
     UnitReading,
     decided,
@@ -27,6 +26,8 @@ from imuscope.recordings.tables.time_units import (
     rate_text,
     usual_step,
 )
+
+LONGEST_STEP_S = 1.0  # of two or three numbers with decimals, which are then seconds
 
 
 def number_clock(sample: TableSample, column: int, rank: int) -> TableClock:
@@ -105,7 +106,7 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     if chosen is None and len(by_head) == 1:
         [chosen] = readings = by_head
     if chosen is None and len(values) < names.FEWEST:
-        is_usual = bool((values != np.round(values)).any()) and 0 < np.ptp(values) <= USUAL_S
+        is_usual = bool((values != np.round(values)).any()) and 0 < np.ptp(values) <= LONGEST_STEP_S
         likely = [one for one in readings if (one.dated if len(values) == 1 else is_usual and one.unit == "s")]
         if len(likely) == 1 or len(values) == 1:
             chosen, sure = likely[0] if len(likely) == 1 else UnitReading("s", 0.0, False), "assumed"
