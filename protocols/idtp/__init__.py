@@ -16,7 +16,6 @@
     decoder.py          batches, time, loss, warnings
     json_codec.py       one frame as plain values and back
     simulator.py        a simulated sensor
-    security.py         protection of a frame in words
 
 Source: IDTP v2.1.0, with its errata.
 """

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from imuscope.protocols.commands.composer import FrameRecord, ProtocolComposer
+from imuscope.protocols.events import Batch
 from imuscope.protocols.family.info import (
     ConfigurationTraits,
     Decoding,
@@ -18,18 +19,59 @@ from imuscope.protocols.family.info import (
     ProtocolInfo,
     StreamTraits,
 )
+from imuscope.protocols.family.support_tables import SupportTable
 from imuscope.protocols.idtp.commands import DATA, HEADER, reading_fields
 from imuscope.protocols.idtp.custom_payloads import TEMPLATE
 from imuscope.protocols.idtp.decoder import IdtpDecoder
 from imuscope.protocols.idtp.driver import IdtpDriver
-from imuscope.protocols.idtp.frames import LITE, build, scanner
+from imuscope.protocols.idtp.frames import LITE, SECURE, build, scanner
 from imuscope.protocols.idtp.inspect import IdtpFrameLister, detection_score
 from imuscope.protocols.idtp.json_codec import frame_from_json
-from imuscope.protocols.idtp.messages import MESSAGES
+from imuscope.protocols.idtp.messages import MESSAGES, MODE_NAMES, status_name
 from imuscope.protocols.idtp.options import LISTED, MODES, OPTIONS, REMEDIES, UNPROTECTED
-from imuscope.protocols.idtp.security import protection
-from imuscope.protocols.idtp.supported import supported
+from imuscope.protocols.schema.fields import Field
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
+
+_CHECKS = {LITE: "CRC-8 of the header alone"}
+
+
+def protection(batch: Batch) -> str:
+    """Protection of the frames of a batch, by the last of them; "" if unknown (an opaque payload)."""
+    if not batch.verified:
+        return f"{MODE_NAMES[SECURE]}, unverified: no key"
+    status = batch.columns.get(status_name(batch.message.name))
+    if status is None or not len(status):
+        return ""
+    mode = int(status[-1]) & 3
+    return f"{MODE_NAMES.get(mode, '')}, {_CHECKS.get(mode, 'verified' if mode == SECURE else 'CRC-32')}"
+
+
+CHECKS = {0: "CRC-8", 1: "CRC-32", 2: "HMAC-SHA256; requires the device's key"}
+
+
+def supported() -> Iterator[SupportTable]:
+    """Modes, then payload types."""
+    yield SupportTable(
+        "Modes",
+        "Devices of version 2.1, over any link. A key is given with `--key`, `?key=` or on the page.",
+        ("mode", "frame protection"),
+        tuple((name, CHECKS[number]) for number, name in MODE_NAMES.items()),
+    )
+    types = tuple((f"`0x{row.id:02X}`", row.name, row.doc.rstrip("."), _quantities(row.fields)) for row in MESSAGES)
+    own = ("`0x80` … `0xFF`", "vendor-specific", "User-defined (`--schema` or Define payload)", "any")
+    yield SupportTable(
+        "Payload types",
+        "A type without a definition is shown as bytes.",
+        ("type", "name", "contents", "quantities"),
+        (*types, own),
+    )
+
+
+def _quantities(fields: tuple[Field, ...]) -> str:
+    return ", ".join(
+        f"{field.title or field.name} ({field.unit})" if field.unit else field.title or field.name for field in fields
+    )
+
 
 CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
 SECURE_BYTES = 56  # a sample's two frames are this much longer in Secure than in Safety mode

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from math import radians, sqrt
 from typing import Any
 
+import numpy as np
+
+from imuscope.protocols.clocks.dates import UNKNOWN, Ints
 from imuscope.protocols.commands.composer import ProtocolComposer
+from imuscope.protocols.commands.mounting import Floats, MountingSetting
 from imuscope.protocols.commands.rate_tables import RateRow, RateTable
 from imuscope.protocols.commands.transactions import DeviceContext, Values
 from imuscope.protocols.events import Batch
@@ -23,23 +29,111 @@ from imuscope.protocols.family.info import (
     StreamTraits,
     VendorLogs,
 )
+from imuscope.protocols.family.sensor_properties import SensorProperties
+from imuscope.protocols.family.support_tables import SupportTable
 from imuscope.protocols.isb import logs
 from imuscope.protocols.isb.bandwidth import periods_ms
-from imuscope.protocols.isb.commands import NMEA_MESSAGES
-from imuscope.protocols.isb.dates import utc_of
+from imuscope.protocols.isb.commands import COMMAND_ROWS, NMEA_MESSAGES
+from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS, DataSet
 from imuscope.protocols.isb.decoder import IsbDecoder
-from imuscope.protocols.isb.device_info import identity
+from imuscope.protocols.isb.device_info import FAMILIES, identity
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.frames import DATA, build, get_data, scan, stop
 from imuscope.protocols.isb.inspect import IsbFrameLister, detection_score
 from imuscope.protocols.isb.json_codec import elements, frame_from_json
 from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, ROWS, set_row
-from imuscope.protocols.isb.mounting import MOUNTING
-from imuscope.protocols.isb.sensors import sensors_of
+from imuscope.protocols.isb.stored_settings import STORED
 from imuscope.protocols.isb.streams import OF_GPX, STREAMS, every, stream_words
-from imuscope.protocols.isb.supported import supported
+from imuscope.protocols.isb.time_base import FIRST_WEEK, GPS_EPOCH, WEEK_S, S
+from imuscope.protocols.rotations import euler_columns
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
+
+DATED_NS = (GPS_EPOCH + FIRST_WEEK * WEEK_S) * S  # up-times are far smaller
+
+
+def utc_of(batch: Batch) -> Ints | None:
+    """UTC of each sample, ns since the Unix epoch, UNKNOWN before the first fix (time_base.py); None if none is
+    known.
+    """
+    if batch.time_ns is None or not len(batch) or int(batch.time_ns.max()) < DATED_NS:
+        return None
+    return np.where(batch.time_ns >= DATED_NS, batch.time_ns, UNKNOWN)
+
+
+def _rotated(matrix: Floats, present: Values) -> Values:
+    del present
+    return {"insRotation": frame_angles(matrix).tolist()}
+
+
+def frame_angles(matrix: Floats) -> Floats:
+    """Angles about x, y, z, rad, that turn the frame of a vector, about z first, into that of matrix · vector."""
+    return np.radians(euler_columns(list(matrix.T.ravel())))
+
+
+# insRotation turns the sensor frame into the output frame of the navigation, about z, then y, then x. Inertial data
+# stay in the sensor frame, so the rotation that was found from them replaces the stored one.
+# Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t; ISB document, "Setting Data".
+MOUNTING = MountingSetting(
+    "DID_FLASH_CONFIG",
+    "insRotation",
+    _rotated,
+    "Attitude and velocity are then those of the vehicle; inertial data stay in the axes of the sensor.",
+)
+
+
+# The makers compute the standard deviation of a sample as random walk × √rate; a density is √2 of that, because its
+# standard deviation is density × √(rate / 2).
+# Source: docs.inertialsense.com, IMU Specifications; axes of the body (x forward, y right, z down): data_sets.h.
+_PER_ROOT_SECOND = sqrt(2) / 60  # density of a random walk per √h
+_IMX_5 = SensorProperties(
+    "FRD",
+    turn=radians(0.16) * _PER_ROOT_SECOND,
+    acceleration=0.02 * _PER_ROOT_SECOND,
+    turn_bias=radians(1.5 / 3600),
+    acceleration_bias=19 * 9.80665e-6,
+)
+
+
+def sensors_of(product: str) -> SensorProperties:
+    """Properties of a product, by its name: "IMX-5.0.4"."""
+    return _IMX_5 if re.match(r"IMX-5\b", product) else SensorProperties("FRD")
+
+
+RESERVED = ("DID_NULL", "DID_UNUSED")
+
+
+def supported() -> Iterator[SupportTable]:
+    """Families, firmware, data sets."""
+    yield SupportTable(
+        "Devices",
+        "Read from `DID_DEV_INFO`; the page shows the hardware version after the name, as in IMX-5.0.4.",
+        ("family", "hardware type"),
+        tuple((name, str(number)) for number, name in FAMILIES.items()),
+    )
+    yield SupportTable(
+        "Firmware",
+        "The layout of every public data set is known for these versions. Payloads of other versions are decoded by "
+        f"the layout of {CURRENT}, as far as the payload size allows.",
+        ("version",),
+        tuple((version,) for version in VERSIONS if version[0].isdigit()),
+    )
+    yield SupportTable(
+        "Data sets",
+        "Every data set can be read, and written where the device permits it. A setting is read, compared, written and "
+        "restored on the Configure page. A data set without a public layout is shown as bytes. Together with the "
+        f"commands of the device these are {len(COMMAND_ROWS)} commands.",
+        ("DID", "name", "contents", "fields", "streams", "setting"),
+        tuple(_row(number, dataset) for number, dataset in SETS.items() if not dataset.name.startswith(RESERVED)),
+    )
+
+
+def _row(number: int, dataset: DataSet) -> tuple[str, ...]:
+    fields = str(len(dataset.struct.places)) if dataset.struct else "bytes"
+    setting = "" if number not in STORED else "yes" if STORED[number].write else "read only"
+    title = STORED[number].title if number in STORED else ROWS[number].title
+    return (str(number), f"`{dataset.name}`", title, fields, "yes" if number in STREAMS else "", setting)
+
 
 DRIVER = IsbDriver()
 POSITION_SETS = ("DID_GPS1_POS", "DID_INS_1", "DID_INS_2")

@@ -5,15 +5,26 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Bytes, Ints
+from imuscope.protocols.clocks.dates import UNKNOWN, utc_ns
 from imuscope.protocols.commands.composer import FrameRecord, ProtocolComposer
+from imuscope.protocols.commands.mounting import Floats, MountingSetting
 from imuscope.protocols.commands.rate_tables import KeyVariant, RateRow, RateTable, VariantChoice
-from imuscope.protocols.commands.transactions import DeviceContext, Values
+from imuscope.protocols.commands.transactions import (
+    DeviceContext,
+    DeviceRejectedError,
+    NoReplyError,
+    Transaction,
+    Values,
+)
+from imuscope.protocols.events import Batch, Reply
 from imuscope.protocols.family.info import (
     ConfigurationTraits,
     CorrectionInput,
@@ -30,26 +41,112 @@ from imuscope.protocols.family.info import (
     position_of_columns,
 )
 from imuscope.protocols.framing.stream_buffer import ID, OFFSET
+from imuscope.protocols.rotations import matrix_of, quaternion_of
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.protocols.simulator.setups import SETUP_OPTIONS, SensorSetup
+from imuscope.protocols.xbus import frames, requests
 from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
 from imuscope.protocols.xbus.data_identifiers import BY_NAME as ITEMS
 from imuscope.protocols.xbus.data_identifiers import COORDINATES
-from imuscope.protocols.xbus.dates import date_of, utc_of
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.device_info import identity
 from imuscope.protocols.xbus.driver import XbusDriver
-from imuscope.protocols.xbus.frames import MASTER, build, scan
+from imuscope.protocols.xbus.frames import FIX_2D, MASTER, build, scan
 from imuscope.protocols.xbus.inspect import XbusFrameLister, detection_score
 from imuscope.protocols.xbus.json_codec import frame_from_json
-from imuscope.protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
 from imuscope.protocols.xbus.messages import BY_NAME, MESSAGES, ROWS
-from imuscope.protocols.xbus.mounting import MOUNTING
 from imuscope.protocols.xbus.output_changes import XbusOutputChanges
 from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
 from imuscope.protocols.xbus.products import absent, as_built, has, model_of
 from imuscope.protocols.xbus.sensors import sensors_of
 from imuscope.protocols.xbus.supported import supported
+
+UTC_VALID = 4
+DATE_AND_TIME_VALID = 3
+
+
+def utc_of(batch: Batch) -> Ints | None:
+    """UTC of each sample, ns since the Unix epoch, UNKNOWN where absent; None if no sample has it.
+
+    A UtcTime counts if its flags call UTC valid, a solution if it has a fix and a valid date and time of day.
+
+    Source: MT0101P 2020.A, tables 13, 14 and 25.
+    """
+    names = {field.name for field in batch.message.fields}
+    if "UtcTime" in names:
+        row = batch.columns["UtcTime"]
+        valid = row["flags"] & UTC_VALID != 0
+        fields = ("year", "month", "day", "hour", "minute", "second", "ns")
+    elif "GnssPvtData" in names:
+        row = batch.columns["GnssPvtData"]
+        valid = (row["fixtype"] >= FIX_2D) & (row["valid"] & DATE_AND_TIME_VALID == DATE_AND_TIME_VALID)
+        fields = ("year", "month", "day", "hour", "min", "sec", "nano")
+    else:
+        return None
+    year, month, day, hour, minute, second, ns = (np.asarray(row[name]).astype(np.int64) for name in fields)
+    times = utc_ns(year, month, day, hour, minute, second, ns, valid)
+    return times if (times != UNKNOWN).any() else None
+
+
+def date_of(reply: Reply) -> int | None:
+    """Start of a log from the Configuration message in its header, ns since the Unix epoch; None if it is not set.
+
+    Source: MT0101P 2020.A, section 5.3.6: the start date of its writer, to the hundredth of a second.
+    """
+    if reply.message.name != "Configuration":
+        return None
+    date, time = (str(reply.values.get(name, "")).strip("\0 ") for name in ("date", "time"))
+    try:
+        began = datetime.strptime(date + time[:6].ljust(6, "0"), "%Y%m%d%H%M%S").replace(tzinfo=UTC)
+    except ValueError:
+        return None
+    hundredths = int(time[6:8]) if time[6:8].isdecimal() else 0
+    return round(began.timestamp()) * 1_000_000_000 + hundredths * 10_000_000 if began.year >= 1999 else None
+
+
+_NAMES = ("q0", "q1", "q2", "q3")
+
+
+def _rotated(matrix: Floats, present: Values) -> Values:
+    stored = np.array([float(present.get(name, 1.0 if name == "q0" else 0.0)) for name in _NAMES])
+    before = matrix_of(stored) if np.linalg.norm(stored) > 0.5 else np.eye(3)
+    q = quaternion_of(matrix @ before)
+    return dict(zip(_NAMES, (q if q[0] >= 0 else -q).tolist(), strict=True))
+
+
+# An MTi sends vectors already turned by RotSensor, the rotation from the sensor frame to the object frame, so one that
+# was found from them comes on top of it. Source: MT0101P 2020.A, 5.3.5 SetAlignmentRotation; MTi Family Reference
+# Manual, MT1600P, alignment resets.
+MOUNTING = MountingSetting(
+    "AlignmentRotation.RotSensor",
+    "q0",
+    _rotated,
+    "The device then sends vectors and orientation in the axes of the vehicle.",
+)
+
+
+REQ_CONFIGURATION, CONFIGURATION = 0x0C, 0x0D
+REQ_EMTS, EMTS_DATA = 0x90, 0x91
+_TIMEOUT_S = 1.0
+
+
+def head() -> Transaction[None]:
+    """Request the header messages of a log: its Configuration, and its stored calibration if available.
+
+        FA FF 0D …      Configuration: device id, outputs; without it the vendor's program does not open a log
+        FA FF 91 …      EmtsData: the calibration, encrypted; newer devices only
+
+    Both are requested in the config state, so a measuring device pauses (DeviceDriver.within).
+
+    Source: MT0101P 2020.A, 5.3.5; that a log begins with both is known from files of the vendor's program.
+
+    Raises:
+        DeviceRejectedError, NoReplyError: no Configuration received.
+    """
+    yield from requests.send_request(frames.build(REQ_CONFIGURATION), "ReqConfiguration", _TIMEOUT_S)
+    with suppress(DeviceRejectedError, NoReplyError):  # most devices do not have it
+        yield from requests.send_request(frames.build(REQ_EMTS), "ReqEmts", _TIMEOUT_S, 1)
+
 
 DRIVER = XbusDriver()
 NUMBERS = np.array(sorted(ROWS))

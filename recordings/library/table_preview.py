@@ -10,15 +10,13 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.library.previewed_table import PreviewColumn, Role, TablePreview, TableQuestion, UnitChoice
 from imuscope.recordings.library.probe import probe
 from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.sources import Source
-from imuscope.recordings.tables.cells import numbers, times_of
+from imuscope.recordings.tables.cells import numbers, sample_times
 from imuscope.recordings.tables.clock import AmbiguousTableError, TableClock
 from imuscope.recordings.tables.clocks.sample import TableSample
 from imuscope.recordings.tables.format import has_rows
@@ -149,21 +147,14 @@ def _units(table: CsvSource, clock: TableClock | None, options: TableOptions) ->
         return []
     newest = table.path.stat().st_mtime + NOW_S
     values = TableSample(table.path.name, table.form, table.headings, options, newest).numbers(clock.columns[0])
-    step = (mean_step(values) or usual_step(values)) if len(values) > 1 else 0.0
+    step = mean_step(values) or usual_step(values)
     plausible = {one.unit for one in clock.readings} or {clock.unit}
     return [UnitChoice(unit, 1 / (step * s) if step else None, unit in plausible) for unit, s in UNITS.items()]
 
 
 def _times(table: CsvSource) -> list[float | None]:
-    import pyarrow as pa
-
     assert table.axis is not None
-    clock, sample = table.axis.clock, table.form.sample[:FIRST_ROWS]
-    if clock.kind == "rows":
-        values = np.arange(len(sample)) * clock.factors[0]
-    else:
-        columns = [pa.array([row[column] for row in sample], pa.string()) for column in clock.columns]
-        values = times_of(clock, columns, table.form.decimal).values
+    values = sample_times(table.axis.clock, table.form.sample[:FIRST_ROWS], table.form.decimal)
     return [float(one) + table.axis.origin if math.isfinite(one) else None for one in values]
 
 

@@ -1,8 +1,11 @@
-"""Cells of a table as numbers and times, column by column."""
+"""Cells of a table as numbers and times, column by column. Some are in hexadecimal digits: 0x1388, or 00001388 and
+0000139C.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -10,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.clocks.dates import UNKNOWN, S, utc_ns
-from imuscope.recordings.tables import hexadecimal
 from imuscope.recordings.tables.clock import TableClock
 from imuscope.recordings.tables.dates import GPS_EPOCH, Order, seconds_of_day, unix_seconds
 
@@ -18,6 +20,11 @@ if TYPE_CHECKING:  # imported where a table is read, so that a server starts soo
     import pyarrow as pa
 
 Floats = NDArray[np.float64]
+
+FEWEST = 3  # cells in hexadecimal digits
+_DIGITS = re.compile(r"^(?:0[xX])?[0-9A-Fa-f]{2,16}$")
+_LETTER = re.compile(r"[A-DFa-df]")  # 13e2 is also a number
+_PREFIX = re.compile(r"^0[xX]")
 
 LEAPS = ((1_483_228_800.0, 18.0), (1_435_708_800.0, 17.0), (1_341_100_800.0, 16.0), (1_230_768_000.0, 15.0))
 """From when on GPS time is ahead of UTC by how much, s."""
@@ -29,6 +36,53 @@ class Cells:
 
     values: Floats
     odd: NDArray[np.int64]
+
+
+def are_hexadecimal(cells: Sequence[str]) -> bool:
+    """Whether all cells of a column are, and not all are numbers in the usual digits.
+
+    Args:
+        cells: not empty ones, stripped.
+    """
+    if len(cells) < FEWEST or not all(map(_DIGITS.match, cells)):
+        return False
+    if all(map(_PREFIX.match, cells)):
+        return True
+    letters = sum(1 for cell in cells if _LETTER.search(cell))
+    digits = sum(1 for cell in cells if any(map(str.isdigit, cell)))
+    return letters > 0 and digits > len(cells) / 2 and not any(map(_PREFIX.match, cells))
+
+
+def hexadecimal_number(text: str) -> float | None:
+    return float(int(text, 16)) if _DIGITS.match(text) else None
+
+
+def _marked_number(text: str) -> float | None:
+    """The number of a cell with the mark of hexadecimal digits; None without it."""
+    return hexadecimal_number(text) if _PREFIX.match(text) else None
+
+
+def _plain_number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _number(text: str) -> float | None:
+    number = _plain_number(text.strip('" '))
+    return number if number is not None else _marked_number(text)
+
+
+def _each(column: pa.Array, read: Callable[[str], float | None]) -> Cells:
+    """Cells by a function of their text, which gives None for those that it cannot read."""
+    values, odd = np.full(len(column), np.nan), []
+    for row, cell in enumerate(column.to_pylist()):
+        if text := (cell or "").strip():
+            number = read(text)
+            values[row] = np.nan if number is None else number
+            odd += [row] if number is None else []
+    return Cells(values, np.array(odd, np.int64))
 
 
 def numbers(column: pa.Array, decimal: str = ".") -> Cells:
@@ -43,36 +97,21 @@ def numbers(column: pa.Array, decimal: str = ".") -> Cells:
         values: Floats = pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
         return Cells(values.astype(np.float64), np.empty(0, np.int64))
     except pa.ArrowInvalid:
-        matches, odd = np.full(len(filled), np.nan), []
-        for row, text in enumerate(filled.to_pylist()):
-            try:
-                matches[row] = np.nan if text is None else float(text.strip('" '))
-            except ValueError:
-                if (number := hexadecimal.prefixed(text)) is not None:
-                    matches[row] = number
-                else:
-                    odd.append(row)
-        return Cells(matches, np.array(odd, np.int64))
+        return _each(filled, _number)
 
 
 def digits(column: pa.Array) -> Cells:
     """Cells in hexadecimal digits that no clock reads: numbers if they are marked, else texts, of unknown sign."""
-    cells = [(cell or "").strip() for cell in column.to_pylist()]
-    matches = [np.nan if (number := hexadecimal.prefixed(cell)) is None else number for cell in cells]
-    odd = [row for row, cell in enumerate(cells) if cell and matches[row] != matches[row]]
-    return Cells(np.array(matches, np.float64), np.array(odd, np.int64))
+    return _each(column, _marked_number)
 
 
-def hexadecimal_numbers(column: pa.Array) -> Cells:
-    """Cells in hexadecimal digits as numbers."""
-    matches, odd = np.full(len(column), np.nan), []
-    for row, cell in enumerate(column.to_pylist()):
-        text = (cell or "").strip()
-        if text and (number := hexadecimal.number_of(text)) is not None:
-            matches[row] = number
-        elif text:
-            odd.append(row)
-    return Cells(matches, np.array(odd, np.int64))
+def sample_times(clock: TableClock, rows: Sequence[Sequence[str]], decimal: str = ".") -> Floats:
+    """Times of a clock in some rows, s; NaN where there is none."""
+    import pyarrow as pa
+
+    if clock.kind == "rows":
+        return np.arange(len(rows), dtype=np.float64) * clock.factors[0]
+    return times_of(clock, [pa.array([row[i] for row in rows], pa.string()) for i in clock.columns], decimal).values
 
 
 def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".") -> Cells:
@@ -88,22 +127,16 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
         whole = times_of(whole_clock, columns[:-1], decimal)
         parts = numbers(columns[-1], decimal)
         return Cells(whole.values + parts.values * clock.part, np.union1d(whole.odd, parts.odd))
-    if clock.kind == "text":
-        texts = _texts(columns[0], clock.order, of_day=clock.epoch in ("day", "start"))
-        return Cells(texts.values - clock.zone, texts.odd)
-    if clock.kind == "date+time":
+    if clock.kind in ("text", "date+time"):
         import pyarrow.compute as pc
 
-        texts = _texts(pc.binary_join_element_wise(columns[0], columns[1], " "), clock.order)
+        joined = columns[0] if clock.kind == "text" else pc.binary_join_element_wise(columns[0], columns[1], " ")
+        texts = _texts(joined, clock.order, of_day=clock.epoch in ("day", "start"))
         return Cells(texts.values - clock.zone, texts.odd)
-    if (
-        clock.kind == "number"
-        and clock.factors == (1e-9,)
-        and clock.base == 10
-        and (ns := _integers(columns[0])) is not None
-    ):
+    is_ns = clock.kind == "number" and clock.factors == (1e-9,) and clock.base == 10
+    if is_ns and (ns := _integers(columns[0])) is not None:
         return Cells(_known(clock, ns // S + ns % S / S), np.empty(0, np.int64))  # more digits than a float64 has
-    cells = [hexadecimal_numbers(one) if clock.base == 16 else numbers(one, decimal) for one in columns]
+    cells = [_each(one, hexadecimal_number) if clock.base == 16 else numbers(one, decimal) for one in columns]
     odd = np.unique(np.concatenate([one.odd for one in cells]))
     if clock.kind == "utc":
         return Cells(_utc([one.values for one in cells]), odd)
@@ -171,16 +204,9 @@ def _texts(column: pa.Array, order: Order, *, of_day: bool = False) -> Cells:
             return Cells(ns / 1e9, np.empty(0, np.int64))
         except pa.ArrowInvalid:
             pass
-    matches, odd = np.full(len(trimmed), np.nan), []
-    for row, text in enumerate(trimmed.to_pylist()):
-        if not text:
-            continue
+
+    def read(text: str) -> float | None:
         seconds = seconds_of_day(text) if of_day else unix_seconds(text, order)
-        if seconds is None:
-            try:
-                seconds = float(text)
-            except ValueError:
-                odd.append(row)
-                continue
-        matches[row] = seconds
-    return Cells(matches, np.array(odd, np.int64))
+        return seconds if seconds is not None else _plain_number(text)
+
+    return _each(trimmed, read)

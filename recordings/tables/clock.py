@@ -38,11 +38,11 @@ class TableClock:
     name: str
     columns: tuple[int, ...]
     kind: Kind
-    unit: str
-    factors: tuple[float, ...]
-    epoch: Epoch
-    sure: Sure
-    why: str
+    unit: str = ""
+    factors: tuple[float, ...] = (1.0,)
+    epoch: Epoch = "1970"
+    sure: Sure = "known"
+    why: str = ""
     order: Order = "dmy"
     readings: tuple[UnitReading, ...] = ()
     rank: int = 5

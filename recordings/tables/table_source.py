@@ -29,12 +29,11 @@ from imuscope.protocols.schema.plural import counted, plural
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
 from imuscope.recordings.system.regular_file import open_regular
-from imuscope.recordings.tables import hexadecimal
-from imuscope.recordings.tables.cells import digits, numbers, times_of
+from imuscope.recordings.tables.cells import are_hexadecimal, digits, numbers, sample_times, times_of
 from imuscope.recordings.tables.clock import TableClock
 from imuscope.recordings.tables.clocks.axis import TimeAxis, order_words, origin_of, step_limits
-from imuscope.recordings.tables.clocks.axis_choice import axis_of_table
 from imuscope.recordings.tables.clocks.sample import TableSample
+from imuscope.recordings.tables.clocks.search import axis_of_table
 from imuscope.recordings.tables.clocks.steps import ClockWatch, periods_of
 from imuscope.recordings.tables.dates import cells_of
 from imuscope.recordings.tables.format import TableFormat, format_of, renamed
@@ -162,7 +161,7 @@ class CsvSource(TableSource):
         self._unreadable = UnreadableCells(lambda i: self.headings[i].text or self.names[i])
         self._timeless = 0  # rows with numbers but without a time
         cells = (cells_of(self.form.sample, i) for i in range(len(self.headings)))
-        self._hexadecimal = {i for i, some in enumerate(cells) if hexadecimal.are_hexadecimal(some)}
+        self._hexadecimal = {i for i, some in enumerate(cells) if are_hexadecimal(some)}
         self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
         names = [one.text for one in self.headings]  # a column of this name beside the arrival is that of our exports
         self._segment = names.index(SEGMENT) if self.arrival_column is not None and SEGMENT in names else None
@@ -209,12 +208,7 @@ class CsvSource(TableSource):
         return format_of(self.path, may_be_narrow=self._options.rate > 0)
 
     def _sample_times(self, clock: TableClock) -> Floats:
-        if clock.kind == "rows":
-            return np.arange(len(self.form.sample), dtype=np.float64) * clock.factors[0]
-        import pyarrow as pa
-
-        columns = [pa.array([row[column] for row in self.form.sample], pa.string()) for column in clock.columns]
-        values = times_of(clock, columns, self.form.decimal).values
+        values = sample_times(clock, self.form.sample, self.form.decimal)
         return values[np.isfinite(values)]
 
     # -- reading -------------------------------------------------------------------------------------------------------

@@ -2,14 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from http.client import responses as phrases
+from typing import Any
+
 from fastapi import FastAPI
 
-from imuscope.server.api import description, errors, static_files, unicode_guard
-from imuscope.server.api.routers import ROUTERS
+from imuscope.server.access.route_rules import RouteRules
+from imuscope.server.api import (
+    configure,
+    devices,
+    errors,
+    exports,
+    extension_pages,
+    forms,
+    map_tiles,
+    packets,
+    ports,
+    recorder,
+    recording_data,
+    recordings,
+    reference,
+    replay,
+    snapshots,
+    static_files,
+    status,
+    unicode_guard,
+    websocket,
+    workspaces,
+)
+from imuscope.server.api.errors import ProblemBody
 from imuscope.server.reference.pages import ReferencePages
 from imuscope.server.services.extension import extension_routers
 from imuscope.server.services.services import Services
 from imuscope.server.version import VERSION
+
+ROUTERS = tuple(
+    module.router
+    for module in (
+        devices,
+        configure,
+        forms,
+        snapshots,
+        packets,
+        recorder,
+        replay,
+        exports,
+        recordings,
+        recording_data,
+        workspaces,
+        ports,
+        status,
+        map_tiles,
+        websocket,
+        reference,
+        extension_pages,
+    )
+)
+"""Before those of extensions. The page comes last: it matches every remaining path.
+
+They are added directly: `include_router` would build every route and its validators again for each application, at the
+first request, which would take a second longer.
+"""
 
 
 def build_framework(services: Services) -> FastAPI:
@@ -28,5 +82,40 @@ def build_framework(services: Services) -> FastAPI:
     for router in (*ROUTERS, *extension_routers(services), static_files.router):
         app.router.routes.extend(router.routes)
     of_every_route = errors.responses(401, 403, 411, 413, 415, 429, 500)
-    description.install(app, services.access.routes, of_every_route)
+    describe(app, services.access.routes, of_every_route)
     return app
+
+
+BEARER = {
+    "type": "http",
+    "scheme": "bearer",
+    "description": "The view or control token that the server printed at its start. Not needed on loopback.",
+}
+
+
+def describe(app: FastAPI, rules: RouteRules, common: Mapping[int | str, Mapping[str, Any]]) -> None:
+    """Add the token that server/access/auth.py asks for, and the shape of errors, to the OpenAPI description.
+
+    Loopback needs no token. The description is the same for every server, so the empty requirement is listed beside the
+    token's.
+
+    Args:
+        rules: which routes need a token.
+        common: responses that every route can give besides its own.
+    """
+    original = app.openapi
+    everywhere = {str(status): {"description": phrases[int(status)], **answer} for status, answer in common.items()}
+
+    def openapi() -> dict[str, Any]:
+        schema = original()
+        components = schema.setdefault("components", {})
+        components["securitySchemes"] = {"token": BEARER}
+        shapes = {**components.get("schemas", {}), ProblemBody.__name__: ProblemBody.model_json_schema()}
+        components["schemas"] = dict(sorted(shapes.items()))
+        for path, methods in schema["paths"].items():
+            for operation in methods.values():
+                operation["responses"] = {**everywhere, **operation["responses"]}
+                operation["security"] = [{"token": []}, {}] if rules.is_protected(path) else []
+        return schema
+
+    app.openapi = openapi  # type: ignore[method-assign]

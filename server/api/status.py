@@ -1,4 +1,6 @@
-"""Routes of status: version and build, health check for container managers, metrics for Prometheus."""
+"""Routes of status: version and build, capabilities, health check for container managers, metrics for
+Prometheus.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +18,7 @@ from imuscope.server.api.status_pages import health, metrics_page
 from imuscope.server.text.prometheus import CONTENT_TYPE
 from imuscope.server.version import VERSION
 from imuscope.server.wire import SUBPROTOCOL
+from imuscope.server.wire.capabilities import Capabilities
 
 router = lazy_router(tags=["build"])
 
@@ -73,3 +76,9 @@ async def get_metrics(services: TheServices) -> Response:
     from other machines need a bearer token; a view token is sufficient.
     """
     return Response(metrics_page(services), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})
+
+
+@router.get("/api/capabilities")
+async def get_capabilities(services: TheServices) -> Capabilities:
+    """Everything that is registered, as sent to the page in `hello`."""
+    return services.telemetry.clients.capabilities

@@ -10,7 +10,7 @@ from imuscope.server.app.application import Application
 from imuscope.server.devices.decode.protocol_detection import ProtocolSet
 from imuscope.server.devices.link.sessions import OpenLink
 from imuscope.server.http.page_files import Files
-from imuscope.server.links import open_link
+from imuscope.server.links.source_url import open_link
 from imuscope.server.services.extension import install_extensions
 from imuscope.server.services.services import build_services
 from imuscope.server.services.timings import ViewerTimings

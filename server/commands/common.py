@@ -165,10 +165,11 @@ def temporary_copy(pieces: Iterable[bytes]) -> Iterator[Path]:
 
 def check_sources(sources: Sequence[str], decode_options: DecodeOptions) -> None:
     """Raise UsageError for a source that can never be opened."""
-    from imuscope.server.links import LinkError, open_link
+    from imuscope.server.links.base import LinkError
     from imuscope.server.links.capture_file import FileLink
     from imuscope.server.links.pipe import PipeLink
     from imuscope.server.links.simulator import SimulatorLink
+    from imuscope.server.links.source_url import open_link
 
     known: set[str] = set()
     for source in sources:

@@ -33,8 +33,8 @@ from imuscope.server.devices.link.session_listeners import Direction
 from imuscope.server.devices.link.sessions import Sessions
 from imuscope.server.errors import UsageError
 from imuscope.server.library.recorder import Recorder, RecordingOptions
-from imuscope.server.links import open_link
 from imuscope.server.links.base import Chunk, LinkSettings, steady_clock
+from imuscope.server.links.source_url import open_link
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.system.end_signals import end_signals, ending_by_exception
 from imuscope.server.text.printable import printable

@@ -48,8 +48,8 @@ from imuscope.server.configuration.value_checks import problems_of, without_curr
 from imuscope.server.configuration.value_format import value_at
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
-from imuscope.server.links import open_link
 from imuscope.server.links.base import Link, LinkError, LinkSettings, OwedFrames, steady_clock
+from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import default_data
 from imuscope.server.system.end_signals import end_signals
 from imuscope.server.text.printable import json_text

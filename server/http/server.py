@@ -5,7 +5,7 @@ proxy headers off          the client is the peer itself; a forwarded request ne
 little unsent data         TCP_NOTSENT_LOWAT: data for a slow browser waits in its send queue, where the oldest is
                            dropped, not in megabytes of kernel buffer, where it would become stale
 TLS context                of server/http/tls.py, checked once an hour: a renewed certificate needs no restart; the
-                           handshake is ours (server/http/handshakes.py), so that it is counted and bounded in time
+                           handshake is ours (server/http/connections.py), so that it is counted and bounded in time
 transport is passed        in the WebSocket's scope, so that the sender can see whether bytes move
 prepared frames            made once for all browsers are sent directly if the socket accepts them at once
 """
@@ -39,8 +39,7 @@ from websockets.protocol import State
 from imuscope.server.concurrency.heartbeat import next_beat
 from imuscope.server.errors import status_of
 from imuscope.server.http import shutdown as ending
-from imuscope.server.http.connections import ConnectionLimits, connections_of
-from imuscope.server.http.handshakes import Handshake
+from imuscope.server.http.connections import ConnectionLimits, Handshake, connections_of
 from imuscope.server.settings.config import Config
 from imuscope.server.system.end_signals import end_signals
 from imuscope.server.wire import Problem

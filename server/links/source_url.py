@@ -26,8 +26,8 @@ from difflib import get_close_matches
 from urllib.parse import parse_qsl, unquote
 
 from imuscope.protocols.registry.families import url_options
-from imuscope.server.links.base import LinkError
-from imuscope.server.links.registry import link_schemes, source_forms
+from imuscope.server.links.base import Link, LinkError, LinkSettings, steady_clock
+from imuscope.server.links.registry import link_kind, link_schemes, source_forms
 from imuscope.server.links.text import grouped
 
 _SCHEME = re.compile(r"^([a-zA-Z][a-zA-Z0-9+.-]+):(?://)?(.*)$", re.DOTALL)
@@ -179,6 +179,18 @@ class SourceUrl:
         if host and not is_host(host):
             raise bad(self.text, f"host is {host!r:.60}, not a valid host name", f"{self.kind}://robot.local:{port}.")
         return host, int(port)
+
+
+def open_link(source: str, settings: LinkSettings | None = None) -> Link:
+    """Create the link for a source, not connected yet; `await link.open()` connects it.
+
+    Raises:
+        LinkError: kind "bad-source", with the field, the value and the allowed ones.
+    """
+    parsed = SourceUrl.parse(source)
+    definition = link_kind(parsed.kind)
+    assert definition is not None, "the kind of a parsed source is registered"
+    return definition.open(source, settings or LinkSettings(now_ns=steady_clock()), parsed)
 
 
 def _is_port(path: str) -> bool:

@@ -13,8 +13,8 @@ from pathlib import Path
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.devices.link.session import Session
 from imuscope.server.devices.link.sessions import Sessions
-from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
+from imuscope.server.links.source_url import open_link
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire import DeviceHealth, DeviceInfo, EventInfo
 from tests.bench.serial_device import frame

@@ -23,7 +23,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from imuscope.server.devices.decode.protocol_set import all_protocols
-from imuscope.server.links import open_link
+from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import Config
 from tests.server.control_harness import outputs
 from tests.server.in_process_server import InProcessServer

@@ -19,7 +19,7 @@ from typing import TypeVar
 
 import pytest
 
-from imuscope.server.links import Chunk, Link, LinkError, LinkSettings, steady_clock
+from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, steady_clock
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread

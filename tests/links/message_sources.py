@@ -14,8 +14,8 @@ import numpy as np
 
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.devices.link.session import Session
-from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
+from imuscope.server.links.source_url import open_link
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.links import rosbags_messages as ros
 from tests.waiting import until

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.links import Attempt, open_link
-from imuscope.server.links.base import ScanWindows
+from imuscope.server.links.base import Attempt, ScanWindows
 from imuscope.server.links.baud_scan import ENOUGH_BYTES, find_baud, likely_rates, scan
 from imuscope.server.links.detection_text import describe_bytes
 from imuscope.server.links.serial import SerialSettings, open_port
+from imuscope.server.links.source_url import open_link
 from tests.each_row import each_row
 from tests.links.link_fixtures import device, fails, frame, gather, joined, left_behind, pty, settings
 from tests.waiting import until

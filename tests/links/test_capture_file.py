@@ -21,8 +21,8 @@ from imuscope.recordings.capture_timing import (
     TimedBytes,
     play,
 )
-from imuscope.server.links import open_link
 from imuscope.server.links.capture_file import FileLink
+from imuscope.server.links.source_url import open_link
 from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, frame, gather, joined, left_behind, opened, settings
 from tests.timeouts import PATIENCE_S

@@ -9,8 +9,8 @@ import time
 import numpy as np
 import pytest
 
-from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkError, LinkSettings, steady_clock
+from imuscope.server.links.source_url import open_link
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import pytest
 
-from imuscope.server.links import open_link
+from imuscope.server.links.source_url import open_link
 from imuscope.server.links.tcp import TcpLink, TcpListenLink
 from imuscope.server.links.text import is_ours
 from imuscope.server.links.udp import MAX_SENDERS, UdpLink

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from imuscope.recordings.mcap.records import MAGIC
-from imuscope.server.links import LinkError, open_link
+from imuscope.server.links.base import LinkError
 from imuscope.server.links.pipe import PipeLink
+from imuscope.server.links.source_url import open_link
 from tests.links.link_fixtures import frame, gather, joined, settings
 
 

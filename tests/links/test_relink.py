@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.links import LinkError, open_link
+from imuscope.server.links.base import LinkError
 from imuscope.server.links.serial import SerialLink, try_rate
 from imuscope.server.links.simulator import SimulatorLink
+from imuscope.server.links.source_url import open_link
 from tests.each_row import each_row
 from tests.links.link_fixtures import Pty, dies, fails, gather, joined, settings
 from tests.waiting import block_until

@@ -13,9 +13,9 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.devices.decode.protocol_set import all_protocols
-from imuscope.server.links import Link, LinkError, open_link, split_devices
-from imuscope.server.links.base import Chunk, steady_clock
-from imuscope.server.links.replay import ReplayLink
+from imuscope.server.links.base import Chunk, Link, LinkError, steady_clock
+from imuscope.server.links.replay import ReplayLink, split_devices
+from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.links.link_fixtures import fails, joined, left_behind, opened, settings, xbus

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 import serial
 
-from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.serial import SerialSettings, cannot_open, holder, latency_notices, lock_of, open_port
+from imuscope.server.links.source_url import open_link
 from imuscope.server.system.terminals import may_be_terminal
 from tests.each_row import each_row
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, program_with, pty, settings

@@ -15,13 +15,13 @@ import pytest
 from imuscope.protocols.events import RejectedFrame, SampleGap, batches
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.frames import build
-from imuscope.server.links import LinkError, open_link, serial
-from imuscope.server.links.base import Link
+from imuscope.server.links import serial
+from imuscope.server.links.base import Link, LinkError
 from imuscope.server.links.detection_text import describe_bytes
 from imuscope.server.links.serial import SerialLink, SerialSettings, open_port
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device
 from imuscope.server.links.simulator import SimulatorLink, SimulatorThread
-from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.links.source_url import SourceUrl, open_link
 from tests.each_row import each_row
 from tests.links.link_fixtures import (
     PeriodicDevice,

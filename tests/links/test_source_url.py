@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.links import LinkError, SourceUrl, open_link
+from imuscope.server.links.base import LinkError
 from imuscope.server.links.capture_file import FileLink
 from imuscope.server.links.serial import SerialLink, SerialSettings
 from imuscope.server.links.simulator import SimulatorLink
+from imuscope.server.links.source_url import SourceUrl, open_link
 from imuscope.server.links.tcp import TcpLink, TcpListenLink
 from imuscope.server.links.udp import UdpLink
 from tests.each_row import each_row

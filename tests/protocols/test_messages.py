@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from imuscope.protocols.events import Batch, Event, RejectedFrame, SampleGap
 from imuscope.protocols.messages.decoder import MessageDecoder, reader_of
-from imuscope.protocols.messages.listing import MessageLister
+from imuscope.protocols.messages.family import MessageLister
 from imuscope.protocols.messages.records import COUNTED, MESSAGE_HEAD, MessageChannel, definition, message_record
 from tests.counting import counted_calls
 from tests.each_row import each_row

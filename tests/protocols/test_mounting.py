@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.protocols.isb.family import FAMILY as ISB
-from imuscope.protocols.isb.mounting import frame_angles
+from imuscope.protocols.isb.family import frame_angles
 from imuscope.protocols.rotations import matrix_of, quaternion_of
 from imuscope.protocols.xbus.family import FAMILY as XBUS
 

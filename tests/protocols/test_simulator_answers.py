@@ -19,8 +19,8 @@ from imuscope.protocols.xbus.product_options import functions_of, lines_of, prob
 from imuscope.protocols.xbus.products import MODELS, model_of
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.protocols.xbus.simulator.faults import FaultInjection
+from imuscope.protocols.xbus.simulator.handlers import accepts
 from imuscope.protocols.xbus.simulator.settings import SETTINGS
-from imuscope.protocols.xbus.simulator.sync_lines import accepts
 from tests.each_row import each_row
 from tests.protocols.decoding import column
 from tests.protocols.xbus_simulation import S, ask, decode, in_config, replies, run

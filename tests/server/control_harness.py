@@ -22,11 +22,11 @@ from imuscope.server.configuration.timings import ConfigurationTimings
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.devices.device.device_names import DeviceNames
 from imuscope.server.devices.link.sessions import Sessions
-from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings, steady_clock
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
+from imuscope.server.links.source_url import open_link
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire import Job
 from tests.timeouts import PATIENCE_S

@@ -12,8 +12,8 @@ from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.server.devices.decode.decode_options import DecodeOptions, url_options
 from imuscope.server.devices.decode.protocol_detection import unknown_hint
 from imuscope.server.devices.link.session import Session
-from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkError, LinkSettings
+from imuscope.server.links.source_url import open_link
 from tests import virtual_time
 from tests.each_row import each_row
 from tests.protocols.idtp_frames import with_version

@@ -16,9 +16,9 @@ from imuscope.server.devices.decode.decode_budget import INITIAL_BYTES, MIN_BYTE
 from imuscope.server.devices.device.event_reporter import TEXT_SORTS
 from imuscope.server.devices.device.link_stats import MAX_MESSAGES
 from imuscope.server.diagnostics.metrics import Metrics, Sources
-from imuscope.server.links import open_link
 from imuscope.server.links.base import CHUNK_COST, Chunk, LinkSettings
 from imuscope.server.links.reader_thread import ANSWER_NS, WAKE_NS, ChunkQueue
+from imuscope.server.links.source_url import open_link
 from imuscope.server.links.tcp import TcpLink
 from imuscope.server.links.udp import UdpLink
 from imuscope.server.wire import RecorderState

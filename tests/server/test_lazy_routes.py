@@ -6,8 +6,8 @@ import pytest
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
 
+from imuscope.server.api.framework import ROUTERS
 from imuscope.server.api.lazy_routes import LazyRoute, lazy_router
-from imuscope.server.api.routers import ROUTERS
 from tests.server.asgi_client import ask
 
 

@@ -33,9 +33,9 @@ from imuscope.server import wire
 from imuscope.server.http import server as http_server
 from imuscope.server.http.connections import ConnectionLimits
 from imuscope.server.library import range_query
-from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkSettings
 from imuscope.server.links.replay import split_devices
+from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.server.fakes import FakeLink

@@ -9,9 +9,9 @@ import pytest
 
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.configuration.change_plan import plan_changes
-from imuscope.server.links import LinkError, open_link
+from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulated_device import SimulatorOptions, make_device
-from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.links.source_url import SourceUrl, open_link
 from tests.each_row import each_row
 from tests.server.control_harness import house_of, over
 from tests.waiting import until

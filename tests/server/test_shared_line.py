@@ -30,9 +30,9 @@ from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
 from imuscope.server.library.decode import decode
 from imuscope.server.library.recorder import Recorder, RecordingOptions
-from imuscope.server.links import LinkError, open_link
+from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulated_device import SharedLine, SimulatorOptions, make_device
-from imuscope.server.links.source_url import SourceUrl
+from imuscope.server.links.source_url import SourceUrl, open_link
 from tests.each_row import each_row
 from tests.recordings.mcap_files import json_messages
 from tests.server.control_harness import house, outputs, over

@@ -154,10 +154,10 @@ def order_words(times: Floats) -> str:
 
 def step_limits(times: Floats) -> tuple[float, float]:
     """Usual step of the sample, and the length from which a step is one ahead, s."""
-    usual = usual_step(times) if len(times) > 1 else 0.0
     forward = np.diff(in_order(times))
     forward = forward[forward > 0]
     most = float(np.quantile(forward, NEARLY_ALL)) if len(forward) else 0.0
+    usual = usual_step(times)
     return usual, max(AHEAD * usual, AHEAD_SPREAD * most) or np.inf
 
 

@@ -1,34 +1,49 @@
-"""Clocks of a table that are dates: texts, days beside times of day, year to second, seconds beside nanoseconds."""
+"""Clocks of a table that are dates: texts, days beside times of day, year to second, weeks and seconds of GPS, and
+seconds beside parts of them.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from imuscope.recordings.tables.cells import leap_seconds
-from imuscope.recordings.tables.clock import AmbiguousTableError, Epoch, TableClock
+from imuscope.recordings.tables.clock import AmbiguousTableError, Sure, TableClock
 from imuscope.recordings.tables.clocks import names
 from imuscope.recordings.tables.clocks.sample import TableSample
-from imuscope.recordings.tables.dates import Order, is_duration, is_of_hour, is_time_of_day, order_of, unix_seconds
-from imuscope.recordings.tables.time_units import SPELLINGS, UNITS, is_dated
+from imuscope.recordings.tables.dates import (
+    GPS_EPOCH,
+    WEEK,
+    Order,
+    is_duration,
+    is_of_hour,
+    is_time_of_day,
+    order_of,
+    unix_seconds,
+)
+from imuscope.recordings.tables.time_units import FACTORS, SPELLINGS, UNITS, usual_step
+
+OLDEST_YEAR = 1990  # of a receiver: without a fix it writes the year 0, or that of its own zero
+EVEN = 2.0  # longest of nearly all steps, in shortest ones
 
 
 def stamp_clocks(sample: TableSample) -> list[TableClock]:
     """Pairs of seconds and parts of a second: stamp.secs and stamp.nsecs, stamp_sec_imu and stamp_nanosec_imu."""
-    by_words = {names.words_of(one.name): column for column, one in enumerate(sample.headings)}
+    by_words = sample.by_words()
     matches = []
     for words, column in by_words.items():
         for stem, unit, part in _parts_of(words):
             other = by_words.get(part)
-            if other is not None and _is_fraction(sample, other, unit):
-                name = f"{sample.headings[column].name} + {sample.headings[other].name}"
+            parts = np.zeros(0) if other is None else sample.numbers(other)
+            if other is not None and len(parts) and parts.min() >= 0 and parts.max() * UNITS[unit] < 1:
                 seconds = sample.numbers(column)
-                epoch: Epoch = "1970" if len(seconds) and is_dated(float(seconds[0]), sample.newest) else "start"
-                rank = 1 if "stamp" in stem else 2
-                factors, why = (1.0, UNITS[unit]), f"seconds and {unit} in two columns"
-                matches.append(TableClock(name, (column, other), "parts", "s", factors, epoch, "known", why, rank=rank))
+                epoch = sample.epoch(float(seconds[0]) if len(seconds) else 0.0)
+                rank, why = 1 if "stamp" in stem else 2, f"seconds and {unit} in two columns"
+                pair, factors = (column, other), (1.0, UNITS[unit])
+                matches.append(TableClock(sample.name(*pair), pair, "parts", "s", factors, epoch, why=why, rank=rank))
                 break
     return [one for one in matches if sample.advances(one.columns)]
 
@@ -42,21 +57,14 @@ def unnamed_stamps(sample: TableSample) -> list[TableClock]:
             continue
         is_whole = all(bool((one == np.round(one)).all()) for one in (seconds, parts))
         unit = next((one for one in ("ms", "µs", "ns") if float(parts.max()) * UNITS[one] < 1), "")
-        if not is_whole or not unit or parts.min() < 0 or not np.ptp(parts):
+        if not is_whole or not unit or parts.min() < 0 or parts.max() * UNITS[unit] <= 0.5:
             continue
-        steps = np.diff(seconds + parts * UNITS[unit])
-        wraps = np.diff(parts) < 0
-        is_stamp = bool((steps > 0).all()) and bool((np.diff(seconds)[wraps] > 0).all()) and bool(wraps.any())
-        if (
-            is_stamp
-            and float(parts.max()) * UNITS[unit] > 0.5
-            and np.quantile(steps, 0.9) < 2 * np.quantile(steps, 0.1)
-        ):
-            epoch: Epoch = "1970" if is_dated(float(np.median(seconds)), sample.newest) else "start"
-            name = f"column {column + 1} + column {column + 2}"
-            why = f"they rise together, as seconds and {unit} do"
-            factors = (1.0, UNITS[unit])
-            return [TableClock(name, (column, column + 1), "parts", "s", factors, epoch, "inferred", why, rank=5)]
+        steps, wraps = np.diff(seconds + parts * UNITS[unit]), np.diff(parts) < 0
+        rises = bool((steps > 0).all()) and bool((np.diff(seconds)[wraps] > 0).all()) and bool(wraps.any())
+        if rises and np.quantile(steps, 0.9) < EVEN * np.quantile(steps, 0.1):
+            epoch, why = sample.epoch(float(np.median(seconds))), f"they rise together, as seconds and {unit} do"
+            pair, factors = (column, column + 1), (1.0, UNITS[unit])
+            return [TableClock(sample.name(*pair), pair, "parts", "s", factors, epoch, "inferred", why)]
     return []
 
 
@@ -70,11 +78,6 @@ def _parts_of(words: str) -> Iterator[tuple[str, str, str]]:
                     yield "_".join(parts[:place]), unit, "_".join((*parts[:place], spelling, *parts[place + 1 :]))
 
 
-def _is_fraction(sample: TableSample, column: int, unit: str) -> bool:
-    values = sample.numbers(column)
-    return bool(len(values)) and bool((values >= 0).all()) and float(values.max()) * UNITS[unit] < 1
-
-
 def date_clocks(sample: TableSample) -> list[TableClock]:
     """A column of dates beside one of times of day."""
     texts = [column for column in range(len(sample.headings)) if sample.is_text(column)]
@@ -82,49 +85,42 @@ def date_clocks(sample: TableSample) -> list[TableClock]:
     days = [one for one in texts if one not in clocks and ":" not in "".join(sample.cells(one)[: names.FEWEST])]
     if not days or not clocks:
         return []
-    date, clock = days[0], clocks[0]
-    order = _order(sample, date)
-    name = f"{sample.headings[date].name} + {sample.headings[clock].name}"
-    zone, words = _named_zone(sample, date)
-    why = f"date and time of day in two columns{words}"
-    return [TableClock(name, (date, clock), "date+time", "", (1.0,), "1970", "known", why, order, rank=2, zone=zone)]
+    pair = days[0], clocks[0]
+    zone, words = _named_zone(sample, days[0])
+    why, order = f"date and time of day in two columns{words}", _order(sample, days[0])
+    return [TableClock(sample.name(*pair), pair, "date+time", why=why, order=order, rank=2, zone=zone)]
 
 
 def part_clocks(sample: TableSample) -> list[TableClock]:
-    words = (names.words_of(one.name).removeprefix("utc_") for one in sample.headings)
-    by_words = {one.removesuffix("s"): column for column, one in enumerate(words)}  # hours, minutes, seconds
+    """Year to second in columns of their own."""
+    by_words = {words.removeprefix("utc_").removesuffix("s"): at for words, at in sample.by_words().items()}
     if not all(part in by_words for part in names.UTC_PARTS[:6]):
         return []
     columns = tuple(by_words[part] for part in names.UTC_PARTS if part in by_words)
-    numbers = sample.numbers(columns[0])
-    if not len(numbers) or numbers[0] < 1990:  # a receiver without a fix
-        return []
+    years = sample.numbers(columns[0])
     why = "year to second in columns of their own"
-    return [TableClock("UTC", columns, "utc", "", (1.0,), "1970", "known", why, rank=4)]
+    return [TableClock("UTC", columns, "utc", why=why, rank=4)] if len(years) and years[0] >= OLDEST_YEAR else []
 
 
 def text_clock(sample: TableSample, column: int, rank: int) -> TableClock:
-    name, is_day = sample.name(column), all(map(is_time_of_day, sample.cells(column)[: names.FEWEST]))
-    if is_day and all(map(is_of_hour, sample.cells(column))):
-        why = "minutes and seconds, without the hour"
-        return TableClock(name, (column,), "text", "", (1.0,), "start", "known", why, rank=rank)
-    if is_day and all(map(is_duration, sample.cells(column))):
-        why = "days and times since the start"
-        return TableClock(name, (column,), "text", "", (1.0,), "start", "known", why, rank=rank)
-    if is_day:
-        return TableClock(name, (column,), "text", "", (1.0,), "day", "known", "times of day", rank=rank)
+    clock, cells = TableClock(sample.name(column), (column,), "text", rank=rank), sample.cells(column)
+    if all(map(is_time_of_day, cells[: names.FEWEST])):
+        if all(map(is_of_hour, cells)):
+            return replace(clock, epoch="start", why="minutes and seconds, without the hour")
+        if all(map(is_duration, cells)):
+            return replace(clock, epoch="start", why="days and times since the start")
+        return replace(clock, epoch="day", why="times of day")
     order, zone = _order(sample, column), names.ZONE.match(sample.headings[column].unit)
     seconds, words = _named_zone(sample, column)
-    why = f"dates and times{words}"
-    if zone is not None and not re.search(r"Z$|[+-]\d\d:?\d\d$", sample.cells(column)[0][10:]):
+    if zone is not None and not re.search(r"Z$|[+-]\d\d:?\d\d$", cells[0][10:]):
         seconds = float(f"{zone['sign']}1") * (int(zone["hours"]) * 3600 + int(zone["minutes"] or 0) * 60)
-        why = f"dates and times, of {zone[0]} by the heading"
-    return TableClock(name, (column,), "text", "", (1.0,), "1970", "known", why, order, rank=rank, zone=seconds)
+        words = f", of {zone[0]} by the heading"
+    return replace(clock, why=f"dates and times{words}", order=order, zone=seconds)
 
 
 def _named_zone(sample: TableSample, column: int) -> tuple[float, str]:
     """Seconds by which dates under a heading GPST or JST, of RTKLIB, are ahead of UTC, and words on it."""
-    words = names.words_of(sample.headings[column].name)
+    words = sample.words(column)
     if words in names.ZONES:
         return names.ZONES[words], f", of {words.upper()} by the heading"
     at = unix_seconds(sample.cells(column)[0]) if words == "gpst" else None
@@ -143,3 +139,69 @@ def _order(sample: TableSample, column: int) -> Order:
             "order",
         )
     return order or "dmy"
+
+
+# -- GPS ---------------------------------------------------------------------------------------------------------------
+
+
+def week_clocks(sample: TableSample) -> list[TableClock]:
+    """Time of week, beside the GPS week if there is one."""
+    by_words = sample.by_words()
+    few = len(sample.form.sample) < names.FEWEST
+    of_week = (
+        at for words, at in by_words.items() if _is_of_week(sample, words, at) and (few or len(sample.numbers(at)))
+    )
+    if (column := next(of_week, None)) is None:
+        return []
+    unit, sure = _unit_of_week(sample, column)
+    if not unit:
+        return [sample.open_clock(column, 2, "week")]
+    week = next((by_words[one] for one in names.WEEK_NAMES if one in by_words), None)
+    weeks = sample.numbers(week) if week is not None else np.zeros(0)
+    factors: tuple[float, ...] = (FACTORS[unit],)
+    if week is None or (len(weeks) and not weeks.max()):
+        why = "time of week without the week"
+        return [TableClock(sample.name(column), (column,), "number", unit, factors, "week", sure, why, rank=3)]
+    columns: tuple[int, ...] = (week, column)
+    factors, zero, why = (WEEK, *factors), 0.0, "GPS week and time of week"
+    cycle = next((by_words[one] for one in names.CYCLE_NAMES if one in by_words), None)
+    if len(weeks) and weeks.max() < names.WEEK_BITS and cycle is not None:
+        columns, factors = (cycle, *columns), (names.WEEK_BITS * WEEK, *factors)
+    elif len(weeks) and weeks.max() < names.WEEK_BITS:
+        newest = (sample.newest - GPS_EPOCH) / WEEK
+        zero = float((newest - weeks.max()) // names.WEEK_BITS) * names.WEEK_BITS
+        sure, why = "assumed", f"a GPS week of ten bits, of the {zero + names.WEEK_BITS:.0f} weeks before the file"
+    name = sample.name(*columns)
+    return [TableClock(name, columns, "week", unit, factors, "GPS", sure, why, rank=2, zero_s=zero * WEEK)]
+
+
+def _is_of_week(sample: TableSample, words: str, column: int) -> bool:
+    stem = names.without_unit(words)
+    values = sample.numbers(column) if {words, stem} & {*names.GPS_TIME} else np.zeros(0)
+    return stem in names.OF_WEEK or (len(values) > 0 and values.min() >= 0 and values.max() < WEEK)
+
+
+def _unit_of_week(sample: TableSample, column: int) -> tuple[str, Sure]:
+    """Unit of a time of week, "" if it is open, by the options, its heading, its name, or its numbers."""
+    unit = SPELLINGS.get(sample.options.unit, "") or names.named_unit(sample.headings[column])
+    unit = unit or ("ms" if sample.words(column) in ("i_tow", "itow") else "")
+    if unit:
+        return unit, "known"
+    values = sample.numbers(column)
+    if len(values) and values.max() >= WEEK:
+        return "ms", "inferred"
+    if (len(values) > 1 and usual_step(values) >= 1) and not (values != np.round(values)).any():
+        units = {one.unit for one in sample.readings(column)}
+        return units.pop() if len(units) == 1 else "", "inferred"
+    return "s", "inferred"
+
+
+def of_gps(sample: TableSample, clock: TableClock) -> TableClock:
+    """The clock, counted from 1980 if its heading names GPS and it is then no later than the file."""
+    text = " ".join(sample.headings[column].text.lower() for column in clock.columns)
+    if clock.kind != "number" or clock.epoch != "1970" or "gps" not in text or re.search("unix|utc|1970", text):
+        return clock
+    if sample.options.unit or sample.numbers(clock.columns[0])[0] * clock.factors[0] + GPS_EPOCH > sample.newest:
+        return clock
+    why = "the heading names GPS, whose times count from 1980"
+    return replace(clock, kind="week", epoch="GPS", sure="assumed", why=why)

@@ -30,7 +30,8 @@ WORLD = (
 """A time in other languages."""
 TIMES = re.compile("^(?:t|time_?(?:stamp)?|date|date_?time|utc|epoch?|" + WORLD + "|" + "|".join(DAYS) + ")$")
 RISING = 0.9  # of the steps, of dates in a column that no heading names
-FINE, FINE_S, FINE_DOT_S = "sample_time_fine", 1e-4, 1e-6  # of an MTi, and of a DOT
+FINE, FINE_UNITS = "sample_time_fine", {"100 µs": 1e-4, "µs": 1e-6}  # of an MTi, and of a DOT
+FINE_SLOWEST, FINE_FASTEST = 0.9, 2100.0  # Hz: 1 Hz to 2 kHz of an MTi, and what its clock is off
 COUNTERS = re.compile("^(?:packet|sample)_(?:counter|number)$|^(?:counter|samples?|count)$")
 JSON_NAMES = ("columns", "sensors", "fields", "names", "headers", "desc", "axes", "channels", "labels", "index")
 """Members of a JSON object that name the cells of the rows beside them, or number these."""

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.tables.cells import are_hexadecimal, hexadecimal_number
 from imuscope.recordings.tables.clock import Epoch, TableClock
 from imuscope.recordings.tables.clocks import names
 from imuscope.recordings.tables.dates import GPS_EPOCH, WEEK, are_dates, are_packed, cells_of, is_moment
 from imuscope.recordings.tables.format import TableFormat, is_number
 from imuscope.recordings.tables.headings import ColumnHeading
-from imuscope.recordings.tables.hexadecimal import are_hexadecimal, number_of
 from imuscope.recordings.tables.options import TableOptions
-from imuscope.recordings.tables.time_units import Floats, UnitReading, possible_units
+from imuscope.recordings.tables.time_units import Floats, UnitReading, is_dated, possible_units
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class TableSample:
     def numbers(self, column: int) -> Floats:
         cells = cells_of(self.form.sample, column)
         if are_hexadecimal(cells):
-            return np.array([number_of(cell) for cell in cells], np.float64)
+            return np.array([hexadecimal_number(cell) for cell in cells], np.float64)
         plain = [cell.replace(",", ".") if self.form.decimal == "," else cell for cell in cells]
         matches = np.array([float(cell) for cell in plain if "," not in cell and is_number(cell)], np.float64)
         return matches[np.isfinite(matches)]
@@ -57,7 +57,7 @@ class TableSample:
         """Whether the cells of a column are dates or times of day."""
         cells = self.cells(column)
         if len(cells) and all(map(is_number, cells[: names.FEWEST])):
-            words = names.words_of(self.headings[column].name)
+            words = self.words(column)
             if words == "date":  # 140214 is a day, not 14:02:14
                 return are_dates(cells)
             named = "utc" in words or any(names.IS_GNSS.match(names.words_of(one.name)) for one in self.headings)
@@ -82,15 +82,27 @@ class TableSample:
         newest = (self.newest - GPS_EPOCH) / WEEK
         return len(weeks) <= 2 and all(one == round(one) and names.FIRST_WEEK <= one <= newest for one in weeks)
 
-    def name(self, column: int) -> str:
-        return self.headings[column].name or f"column {column + 1}"
+    def name(self, *columns: int) -> str:
+        return " + ".join(self.headings[column].name or f"column {column + 1}" for column in columns)
+
+    def words(self, column: int) -> str:
+        """Its heading in lower case with _ between the words."""
+        return names.words_of(self.headings[column].name)
+
+    def by_words(self) -> dict[str, int]:
+        """Columns by the words of their headings."""
+        return {self.words(column): column for column in range(len(self.headings))}
+
+    def epoch(self, seconds: float) -> Epoch:
+        """Zero of times in s: the epoch if one of them, `seconds`, is a date that the file can hold."""
+        return "1970" if is_dated(seconds, self.newest) else "start"
 
     def readings(self, column: int) -> list[UnitReading]:
         values, has_decimals = self.numbers(column), any(map(names.DECIMALS.search, self.cells(column)))
-        rate = self.options.rate
-        inertial, newest = self.is_inertial, self.newest
-        readings = possible_units(values, inertial=inertial, newest=newest, rate=rate, fraction=has_decimals)
-        is_date = names.UNIX.search(names.words_of(self.headings[column].name)) is not None
+        readings = possible_units(
+            values, inertial=self.is_inertial, newest=self.newest, rate=self.options.rate, fraction=has_decimals
+        )
+        is_date = names.UNIX.search(self.words(column)) is not None
         return [one for one in readings if one.dated or not is_date] or readings
 
     def column_named(self, name: str) -> int:
@@ -112,5 +124,5 @@ class TableSample:
         """A clock whose unit is open."""
         readings = tuple(self.readings(column))
         return TableClock(
-            self.name(column), (column,), "number", "", (), epoch, "assumed", "", readings=readings, rank=rank
+            self.name(column), (column,), "number", "", (), epoch, "assumed", readings=readings, rank=rank
         )

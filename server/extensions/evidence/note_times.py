@@ -1,6 +1,6 @@
 """Times in notes that lead to a moment or a range: `[14:32:18.500]`, `[14:32:18 – 14:32:20]`, `[2026-11-21 14:32:18]`.
 
-As on the page (web/src/extensions/notes/times.ts): UTC; without a day the first such time from the beginning of the
+As on the page (web/src/extensions/notes/panel.tsx): UTC; without a day the first such time from the beginning of the
 recording on.
 """
 

@@ -5,13 +5,12 @@ The store needs `imuscope[fleet]`.
     store.py       where it is: a folder, S3, Azure or Google Cloud Storage; its errors in words
     tables.py      the tables and their columns
     upload.py      a recording into the store: its file, then its rows
-    uploads.py     finished recordings of this robot into the store; upload_rules.py, upload_worker.py, upload_log.py
+    uploads.py     finished recordings of this robot into the store; upload_worker.py, upload_log.py
     recording_digest.py    what makes two files the same recording
     metadata.py, samples.py, minute_statistics.py    rows of an opened recording; packet_rows.py: rows of one packet
     delta_tables.py    appending exactly once
     query.py       SQL over the tables, read-only and limited
     query_service.py, query_worker.py    questions over HTTP: in turns (fair_queue.py), each in a process of its own
-    query_words.py   what an editor completes
     prepared_queries.py    prepared questions
     fetch.py         a recording out of the store
     compact.py       small files joined
@@ -57,7 +56,7 @@ EXTENSION = Extension(
     commands=(
         ExtensionCommand(
             "upload",
-            "imuscope.server.extensions.fleet.server.store_arguments:add_upload",
+            "imuscope.server.extensions.fleet.server.fleet_arguments:add_upload",
             "imuscope.server.extensions.fleet.server.store_commands:upload",
             scope="source",
             protocol_help="protocol of a capture (default: detected)",
@@ -65,13 +64,13 @@ EXTENSION = Extension(
         ),
         ExtensionCommand(
             "query",
-            "imuscope.server.extensions.fleet.server.store_arguments:add_query",
+            "imuscope.server.extensions.fleet.server.fleet_arguments:add_query",
             "imuscope.server.extensions.fleet.server.store_commands:query",
             has_data=False,
         ),
         ExtensionCommand(
             "compact",
-            "imuscope.server.extensions.fleet.server.store_arguments:add_compact",
+            "imuscope.server.extensions.fleet.server.fleet_arguments:add_compact",
             "imuscope.server.extensions.fleet.server.store_commands:compact",
             reads_file=True,
             has_data=False,

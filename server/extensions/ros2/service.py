@@ -11,13 +11,16 @@ after a crash with growing delays. An absent router is not an error: Zenoh tries
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
+from imuscope.recordings.system import atomic_write
 from imuscope.server import wire
 from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.devices.decode.protocol_set import sensors_of
@@ -26,12 +29,64 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.ros2.contract import Contract, read_contract
 from imuscope.server.extensions.ros2.covariances import SensorNoise, noise_of
 from imuscope.server.extensions.ros2.settings import Ros2Settings
-from imuscope.server.extensions.ros2.switches import TopicSwitches
 from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess
 from imuscope.server.services.parts import ServicePart
 from imuscope.server.services.services import Services
 from imuscope.server.settings.config import Config
 from imuscope.server.streaming.telemetry import Telemetry
+
+FILE = "ros2.json"
+MAX_TOPICS = 10_000  # names of devices that are gone stay, and are bounded
+
+
+class TopicSwitches:
+    """The topics that are switched off, by their keys, stored in the data folder.
+
+        ros2.json    {"switched_off": ["1 imu/mag", "2 /diagnostics"]}        id of the device, its topic
+
+    The file is replaced atomically; unreadable parts count as absent, so that every topic is published.
+
+    Args:
+        folder: the data folder.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / FILE
+        self._off = self._read()
+
+    @property
+    def off(self) -> frozenset[str]:
+        return self._off
+
+    def set(self, topic: str, *, enabled: bool) -> None:
+        """Remember whether a topic is published.
+
+        Raises:
+            DomainError: "full" or "disk"; nothing has changed then.
+        """
+        off = self._off - {topic} if enabled else self._off | {topic}
+        if len(off) > MAX_TOPICS:
+            raise DomainError("full", f"{MAX_TOPICS} topics are switched off.", "Switch one on first.")
+        if off == self._off:
+            return
+        try:
+            self._write(off)
+        except OSError as error:
+            message = f"The switch cannot be stored: {error.strerror or error}."
+            raise DomainError("disk", message, "Free some space, or check the rights of the data folder.") from None
+        self._off = off
+
+    def _write(self, off: frozenset[str]) -> None:
+        atomic_write.write_atomic(self._path, json.dumps({"switched_off": sorted(off)}, indent=1))
+
+    def _read(self) -> frozenset[str]:
+        try:
+            content = json.loads(self._path.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return frozenset()
+        rows = content.get("switched_off") if isinstance(content, dict) else None
+        return frozenset(row for row in rows if isinstance(row, str)) if isinstance(rows, list) else frozenset()
+
 
 MODULE = "imuscope.server.extensions.ros2.worker"
 PER_S = 80.0  # how often samples are passed on: a message is at most 12 ms late

@@ -19,9 +19,9 @@ from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 from imuscope.server.extensions.shares.settings import OPTION
 from imuscope.server.extensions.shares.shared_port_link import ROOT, holder_settings
-from imuscope.server.links import LinkSettings, open_link, steady_clock
-from imuscope.server.links.base import LinkError
+from imuscope.server.links.base import LinkError, LinkSettings, steady_clock
 from imuscope.server.links.serial import SerialLink
+from imuscope.server.links.source_url import open_link
 from imuscope.server.links.tcp import TcpLink
 from imuscope.server.settings.config import Config
 from imuscope.server.system.open_files import ROOT as ROOT_FOLDER

@@ -303,7 +303,7 @@ class SharedPortLink(ThreadedLink):
         return None if stamp_ns is None else stamp_ns + self._offset_ns
 
     async def request(self, do: str, **arguments: Any) -> None:
-        """A request to the holder (server/extensions/shares/holder/requests.py).
+        """A request to the holder (server/extensions/shares/holder/process.py).
 
         Raises:
             LinkError: it cannot be carried out.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from imuscope.protocols.isb.mounting import frame_angles
+from imuscope.protocols.isb.family import frame_angles
 from imuscope.protocols.rotations import (
     angle_of,
     conjugate,

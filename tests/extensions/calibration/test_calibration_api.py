@@ -22,7 +22,7 @@ from imuscope.server.extensions.analysis.jobs.service import AnalysisService
 from imuscope.server.extensions.calibration.kinds import CalibrationInputs
 from imuscope.server.extensions.calibration.session import MAX_SAMPLES, SampleCollector
 from imuscope.server.extensions.calibration.stretch import CalibrationJob
-from imuscope.server.links import open_link
+from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.channel_store import ChannelStore

@@ -13,10 +13,10 @@ import pytest
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.server.extensions.evidence.content import About
-from imuscope.server.extensions.evidence.job import evidence_work
 from imuscope.server.extensions.evidence.note_times import pieces_of
 from imuscope.server.extensions.evidence.position import REDACTED, Scrubber
 from imuscope.server.extensions.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
+from imuscope.server.extensions.evidence.routes import evidence_work
 from imuscope.server.extensions.evidence.series import gaps_in, intervals_for, tick_of
 from imuscope.server.extensions.evidence.worker import MOST_BYTES
 from imuscope.server.library.api_models import RecordingInfo

@@ -21,7 +21,7 @@ from imuscope.server.extensions.fleet.robot import publisher
 from imuscope.server.extensions.fleet.rollouts.rollout_steps import RolloutTiming
 from imuscope.server.extensions.fleet.server import fleet_server
 from imuscope.server.extensions.fleet.server.fleet_command import create_fleet_server
-from imuscope.server.links import open_link
+from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import Config
 from tests.extensions.fleet.tcp_proxy import TcpProxy
 from tests.free_ports import free_port

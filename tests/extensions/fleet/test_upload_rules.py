@@ -13,7 +13,7 @@ from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.sidecar import Edits
 from imuscope.server.extensions.fleet.model.settings import FleetTables
 from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
-from imuscope.server.extensions.fleet.upload.upload_rules import pause_until, refusal
+from imuscope.server.extensions.fleet.upload.uploads import pause_until, refusal
 from imuscope.server.settings.config import ConfigError, load
 from tests.each_row import each_row
 

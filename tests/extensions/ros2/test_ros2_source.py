@@ -14,9 +14,9 @@ from imuscope.server.extensions.ros2.graph import RosGraph, TopicPublisher
 from imuscope.server.extensions.ros2.key_expressions import QosProfile
 from imuscope.server.extensions.ros2.link import Ros2Link
 from imuscope.server.extensions.ros2.session import open_session
-from imuscope.server.links import open_link
 from imuscope.server.links.base import LinkError, LinkSettings, steady_clock
 from imuscope.server.links.message_link import SeenTopic
+from imuscope.server.links.source_url import open_link
 from tests.each_row import each_row
 from tests.free_ports import free_port
 from tests.links import rosbags_messages as ros

@@ -8,9 +8,9 @@ import pytest
 
 from imuscope.recordings.system import atomic_write
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.ros2 import switches as ros2_switches
+from imuscope.server.extensions.ros2 import service as ros2_service
+from imuscope.server.extensions.ros2.service import FILE, TopicSwitches
 from imuscope.server.extensions.ros2.settings import Ros2Settings
-from imuscope.server.extensions.ros2.switches import FILE, TopicSwitches
 from imuscope.server.settings.config import ConfigError, load
 from tests.each_row import each_row
 
@@ -45,7 +45,7 @@ def test_a_switch_that_cannot_be_stored_changes_nothing(tmp_path: Path, monkeypa
 
 
 def test_their_number_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ros2_switches, "MAX_TOPICS", 2)
+    monkeypatch.setattr(ros2_service, "MAX_TOPICS", 2)
     switches = TopicSwitches(tmp_path)
     for topic in ("/a", "/b"):
         switches.set(topic, enabled=False)

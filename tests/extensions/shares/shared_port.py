@@ -14,9 +14,9 @@ from typing import Any
 
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from imuscope.server.extensions.shares.shared_port_link import SharedPortLink
-from imuscope.server.links import LinkSettings, open_link, steady_clock
-from imuscope.server.links.base import LinkError
+from imuscope.server.links.base import LinkError, LinkSettings, steady_clock
 from imuscope.server.links.serial import SerialLink
+from imuscope.server.links.source_url import open_link
 from tests.timeouts import PATIENCE_S
 from tests.waiting import until
 

@@ -15,14 +15,14 @@ import { trustOf } from "../panels/authenticity";
 import { surface } from "../ui/dom/canvas";
 import { el, throttle, LiveText, type Panel, unit } from "../ui/dom/dom";
 import { number } from "../ui/format/format";
-import { protocolOf } from "../wire/capabilities";
+import { protocolOf, embeddedKinds } from "../wire/capabilities";
 import { drawBody } from "./body";
 import { drawHorizon } from "./horizon";
-import { attitudeHint } from "./missing";
 import { FRAMES, headingOf, horizonOf, pitchSign } from "./projection";
 import { type Source, attitudeSource } from "./source";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/attitude";
+import { registerPanel } from "../panels/registry";
 
 export interface AttitudeCell {
   /** Whether it has something to show of a device with these channels. */
@@ -207,3 +207,20 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
     },
   };
 }
+
+/** What gives an attitude: the hint of the family, but for a receiver alone (UBX, NMEA), which is not of the family that reads it. */
+export function attitudeHint(channels: readonly Channel[], ofFamily: string): string {
+  const kinds = embeddedKinds(channels.map(({ info }) => info));
+  if (kinds.size === 0) return ofFamily;
+  return kinds.has("UBX") ? TEXT.ubxAttitude : TEXT.nmeaAttitude;
+}
+
+registerPanel({
+  id: "attitude",
+  title: COMMON.attitude,
+  where: "main",
+  order: 0,
+  class: "attitude",
+  isWide: true,
+  mount: mountAttitude,
+});

@@ -3,8 +3,7 @@
  * signals of their view (view-state.ts) and nothing else. Facts about the data (the server's clock, the range in memory, the samples
  * around a time, the series on screen) come from the `Horizon` that the plots attach.
  */
-import type { PlotSpec } from "./view";
-import type { View, ViewSignals } from "./view";
+import type { PlotSpec, View, ViewSignals } from "./view";
 
 /** The data that the view moves over. */
 interface Horizon {

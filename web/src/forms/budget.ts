@@ -3,8 +3,7 @@
  *
  *     0 ──────── parts ──────── total ┄┄┄ free ┄┄┄ capacity        beyond the capacity: the surplus, hatched
  */
-import type { Forms, LoadInfo } from "../wire/form-types";
-import type { FieldForm } from "../wire/form-types";
+import type { Forms, LoadInfo, FieldForm } from "../wire/form-types";
 import { TEXT } from "../texts/forms";
 
 interface Share {

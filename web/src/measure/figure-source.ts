@@ -6,8 +6,7 @@
  */
 import type { Channel } from "../data/channels";
 import type { FrameChange } from "../data/frames";
-import type { TimeBase } from "../data/view";
-import type { Series } from "../data/view";
+import type { TimeBase, Series } from "../data/view";
 
 export interface MeasuredRange {
   readonly t0: number;

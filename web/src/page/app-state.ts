@@ -2,11 +2,9 @@
  * State of the page beyond the store: the open dialog, the last problem, ports, a slow clock. `startApp` makes it, and every component
  * gets it as a property, so that a document can hold several pages that know nothing of each other.
  */
-import type { Overlay, App } from "./context";
+import type { Overlay, App, Deps, Sort } from "./context";
 import { computed, effect, signal } from "@preact/signals";
 import { allExtensions } from "../extension/extension";
-import type { Deps } from "./context";
-import type { Sort } from "./context";
 import { api, type Outcome } from "../requests/http";
 import { isHeld, pageState } from "./page-state";
 import { deviceInLink, shortName } from "../wire/device-name";

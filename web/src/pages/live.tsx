@@ -9,7 +9,7 @@ import { ArrangeTools } from "../workspace/arrange";
 import { useWorkspace } from "../workspace/use-workspace";
 import { sideWidthOf } from "../workspace/side-width";
 import { LiveViewer, LiveViews } from "../views/viewers";
-import { select } from "../page/app-state";
+import { select, askKey, linkOf, run } from "../page/app-state";
 import type { App } from "../page/context";
 import { LateAddDevice, LateMemoryDialog, LateSignalsPanel, LateYAxisDialog } from "./dialogs";
 import { TopBar, Dock } from "./top-bar";
@@ -17,7 +17,6 @@ import { PageOverlays } from "./overlays";
 import { Rail } from "./device-sidebar";
 import { RowsDialog } from "./rows";
 import { SideColumn, Strip } from "./side-panels";
-import { KeyBand, RearmBand } from "./key-banner";
 import {
   Connecting,
   Denied,
@@ -34,6 +33,11 @@ import {
 import { fullName } from "../wire/device-name";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
+import { keyWanted, keyWrong, trustOf } from "../panels/authenticity";
+import { Button } from "../ui/controls/button";
+import { api } from "../requests/http";
+import { Band } from "../ui/controls/band";
+import { Message } from "../ui/controls/message";
 
 export function LivePage({ app }: { readonly app: App }) {
   const state = app.state.value;
@@ -141,4 +145,54 @@ function Overlays({ app }: { readonly app: App }) {
   if (dialog?.Live && app.device.value)
     return <dialog.Live key={app.device.value.id} app={app} device={app.device.value} onClose={close} />;
   return <PageOverlays app={app} />;
+}
+
+/** Secure devices on the link of the selected one that restarted: their frames are refused until an operator re-arms them. */
+function RearmBand({ app }: { readonly app: App }) {
+  const device = app.device.value;
+  if (!device) return null;
+  const link = app.store.devices.value.find(({ id }) => id === linkOf(device)) ?? device;
+  return (
+    <>
+      {link.rearm.map((sender) => (
+        <Band
+          key={sender}
+          tone="warning"
+          dot="warn"
+          title={TEXT.sequenceRestarted(sender)}
+          words={TEXT.oldSequenceNumbers(sender)}
+          data-rearm={sender}
+        >
+          <Button
+            changes
+            look="edge"
+            words={TEXT.rearm(sender)}
+            onClick={() => void run(app, api.rearmDevice(link.id, sender))}
+          />
+        </Band>
+      ))}
+    </>
+  );
+}
+
+/** For the selected device: frames that need a key, a wrong key, or data that could not be verified. */
+function KeyBand({ app }: { readonly app: App }) {
+  const device = app.device.value;
+  if (!device) return null;
+  const health = app.store.health.value.get(device.id);
+  const unverified = trustOf(device, health)?.state === "unverified" && device.protocol !== "";
+  const refused = keyWanted(health) || keyWrong(health);
+  if (!unverified && refused === "") return null;
+  const words = (
+    <>
+      {unverified ? TEXT.unverifiedData : <Message text={`${refused} `} />}
+      {TEXT.enterKeyHere} <code>{TEXT.keyOption}</code>.
+    </>
+  );
+  const title = unverified ? TEXT.shownUnverified : TEXT.keyNeeded;
+  return (
+    <Band tone="warning" dot="warn" title={title} words={words} data-key="wanted">
+      <Button changes look="edge" words={TEXT.enterKey} onClick={() => askKey(app, device)} />
+    </Band>
+  );
 }

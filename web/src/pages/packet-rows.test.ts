@@ -1,6 +1,6 @@
 /** Rows of a frame: each part with its bytes, its meaning and the value on the wire. */
 import { expect, test } from "vitest";
-import { packetRows, fieldValue } from "./packet-rows";
+import { packetRows, fieldValue } from "./packet-dialog";
 
 test("a part has its bytes, what they mean, and the value on the wire", () => {
   const rows = packetRows({

@@ -1,13 +1,12 @@
 /** The registered panels beside the plots (panels/registry.ts), of Live and of an open recording. */
 import { useRef } from "preact/hooks";
-import "../attitude/register";
+import "../attitude/panel";
 import "../panels/all";
 import { type PanelDefinition, panelsAt } from "../panels/registry";
 import { IconButton } from "../ui/controls/icon-button";
 import type { Panel } from "../ui/dom/dom";
 import { PanelHost } from "../panels/panel-host";
-import type { Deps } from "../page/context";
-import type { App } from "../page/context";
+import type { Deps, App } from "../page/context";
 import { ArrangeButton } from "../workspace/arrange";
 import { Divider } from "../workspace/divider";
 import { HEIGHT, setHeight, setSize, SIDE_WIDTH } from "../data/layout";

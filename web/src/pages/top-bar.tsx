@@ -1,9 +1,9 @@
 /** The top bar: navigation and the time controls. On a phone the same controls are in the dock at the bottom. */
-import { useRef } from "preact/hooks";
+import { useRef, useLayoutEffect } from "preact/hooks";
 import { Slot } from "../extension/extension";
 import type { ViewActions } from "../data/view-actions";
 import { recently } from "../panels/panel-context";
-import type { Deps } from "../page/context";
+import type { Deps, App } from "../page/context";
 import { Button } from "../ui/controls/button";
 import { Select } from "../ui/controls/choices";
 import { age, number, rate, span } from "../ui/format/format";
@@ -12,10 +12,8 @@ import { Icon, type IconName, Logo } from "../ui/controls/icons";
 import { SPANS, ZOOM_STEP } from "../page/keys";
 import { markOf, showsPlots } from "../page/page-state";
 import { theme, toggleTheme } from "../ui/dom/theme";
-import { useFit } from "../ui/controls/use-fit";
 import { ViewerButton } from "../views/viewers";
 import { ArrangeButton } from "../workspace/arrange";
-import type { App } from "../page/context";
 import { Record } from "./record-button";
 import { href, isRemote, type PageName, pagesOf, route } from "../page/route";
 import { Share } from "./share";
@@ -24,6 +22,7 @@ import type { DeviceInfo } from "../wire/types";
 import { SimulatedTag } from "../ui/controls/simulated-tag";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
+import type { RefObject } from "preact";
 
 /** Classes of buttons: what they do to a bar that is full (ui/layout.css, ui/phone.css). */
 export const BAR_CLASS = {
@@ -330,4 +329,45 @@ export function Dock({ app }: Props) {
       ))}
     </div>
   );
+}
+
+/*
+ * A row that gives way when it is full: step by step, until what remains has room.
+ *
+ * The steps done are in `data-full`, "1 2 3" after three; what a step hides is written in a style sheet, as
+ * `[data-full~="3"] .words`. Measured, not derived from the width of the window: what stands in the row changes with
+ * the page, the device, and whether it records.
+ */
+
+/** @param steps how many there are in the style sheet */
+function useFit(row: RefObject<HTMLElement | null>, steps: number): void {
+  useLayoutEffect(() => {
+    const element = row.current;
+    if (!element) return undefined;
+    const isFull = (): boolean => element.scrollWidth > element.clientWidth;
+    let done = 0;
+    const give = (wanted: number): void => {
+      done = wanted;
+      element.dataset.full = Array.from({ length: wanted }, (_, i) => i + 1).join(" ");
+    };
+    const giveWay = (): void => {
+      while (done < steps && isFull()) give(done + 1);
+    };
+    const fit = (): void => {
+      give(0);
+      giveWay();
+    };
+    // changed words may need more room; only what comes or goes can make some
+    const changed = new MutationObserver((changes) =>
+      changes.some(({ type }) => type === "childList") ? fit() : giveWay(),
+    );
+    const resized = new ResizeObserver(fit);
+    changed.observe(element, { childList: true, characterData: true, subtree: true });
+    resized.observe(element);
+    void document.fonts?.ready.then(fit);
+    return () => {
+      changed.disconnect();
+      resized.disconnect();
+    };
+  }, [row, steps]);
 }

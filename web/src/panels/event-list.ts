@@ -5,9 +5,8 @@
 import { clock } from "../ui/format/format";
 import { el, throttle, messageNodes, type Panel } from "../ui/dom/dom";
 import type { EventInfo } from "../wire/types";
-import type { Deps } from "../page/context";
+import type { Deps, Sort } from "../page/context";
 import { type EventGroup, eventGroups, SORTS } from "./event-groups";
-import type { Sort } from "../page/context";
 import { registerPanel } from "./registry";
 import { TEXT as PACKETS } from "../texts/packets";
 import { TEXT } from "../texts/panels";

@@ -1,9 +1,8 @@
 /** The names of the lanes in the gutter, and one line under them that explains a lane: by pointer, finger or keyboard. */
 import type { Loss } from "../data/losses";
 import type { Channel } from "../data/channels";
-import type { TimeBase } from "../data/view";
+import type { TimeBase, Reads } from "../data/view";
 import { el, messageNodes } from "../ui/dom/dom";
-import type { Reads } from "../data/view";
 import {
   firstLanes,
   inPlace,

@@ -2,15 +2,13 @@
  * The legend of a plot: its name and unit, and for every series its letter and the value at the cursor. A series is a button: a
  * click hides or shows it, with Shift it is shown alone.
  */
-import type { Reads } from "../data/view";
+import type { Reads, TimeBase, PlotSpec, Series } from "../data/view";
 import { lowerBound } from "../data/line-breaks";
 import { wrapped } from "../data/statistics";
-import type { TimeBase } from "../data/view";
 import type { ShownSample } from "../page/context";
 import type { ChannelInfo } from "../wire/types";
 import { number } from "../ui/format/format";
 import { el, LiveText, unit } from "../ui/dom/dom";
-import type { PlotSpec, Series } from "../data/view";
 import { TEXT } from "../texts/plots";
 
 /** A cursor this long after the newest sample still reads it, s: samples are in transit. */

@@ -5,8 +5,7 @@
 import type { Loss } from "../data/losses";
 import type { MarkLayer } from "./plot-additions";
 import { drawMarkers, type MarkLine } from "./markers";
-import type { Palette, CanvasLayer } from "./canvas-style";
-import { hatch, setFont } from "./canvas-style";
+import { type Palette, type CanvasLayer, hatch, setFont } from "./canvas-style";
 import type { Plot } from "./plot";
 import { valueAt } from "./legend";
 import type { Reads } from "../data/view";

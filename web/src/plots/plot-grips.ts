@@ -1,6 +1,6 @@
 /**
  * Grips of a plot for the mouse: its title moves it among the plots, its lower edge sets its height, and a double click on the edge gives
- * the height back. The workspace has the same for keyboard and touch (workspace/plot-list.tsx).
+ * the height back. The workspace has the same for keyboard and touch (workspace/arrange.tsx).
  */
 import type { ViewState } from "../data/view-state";
 import { el } from "../ui/dom/dom";

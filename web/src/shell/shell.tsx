@@ -5,10 +5,11 @@ import { fromExtensions } from "../extension/extension";
 import { Icon } from "../ui/controls/icons";
 import { late } from "../ui/dom/late";
 import type { App } from "../page/context";
-import { DropVeil } from "../pages/drop";
 import { LivePage } from "../pages/live";
-import { href, type PageName, pagesOf, route } from "../page/route";
+import { href, type PageName, pagesOf, route, go } from "../page/route";
 import { TEXT } from "../texts/live";
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 
 const loading = <div class="app" aria-busy="true" />;
 const ConfigurePage = late(async () => (await import("../pages/configure/page")).ConfigurePage, loading);
@@ -46,5 +47,52 @@ function Tabs({ app }: { readonly app: App }) {
         </a>
       ))}
     </nav>
+  );
+}
+
+/** Whether files are dragged, not text of the page. */
+function bringsFiles(types: readonly string[] | undefined): boolean {
+  return types?.includes("Files") ?? false;
+}
+
+/**
+ * Starts handling drops, until the returned function is called. Other handlers mark theirs by `preventDefault`.
+ *
+ * @param hover called with whether files are over the page
+ */
+function startDrop(app: App, hover: (files: boolean) => void): () => void {
+  const stop = new AbortController();
+  const isOurs = (event: DragEvent): boolean => !event.defaultPrevented && bringsFiles(event.dataTransfer?.types);
+  const on = <K extends "dragover" | "dragleave" | "drop">(name: K, handle: (event: DragEvent) => void): void =>
+    window.addEventListener(name, handle, { signal: stop.signal });
+  on("dragover", (event) => {
+    if (!isOurs(event)) return;
+    event.preventDefault();
+    hover(true);
+  });
+  on("dragleave", (event) => {
+    if (event.relatedTarget === null) hover(false);
+  });
+  on("drop", (event) => {
+    hover(false);
+    if (!isOurs(event)) return;
+    event.preventDefault();
+    const files = [...(event.dataTransfer?.files ?? [])];
+    if (files.length === 0) return;
+    if (route.peek().page !== "recordings" || route.peek().recording !== undefined) go("recordings");
+    void import("../pages/recordings/library-store").then(({ libraryOf }) => libraryOf(app).add(files));
+  });
+  return () => stop.abort();
+}
+
+/** Overlay with the effect of a drop, while files are dragged over the page. */
+function DropVeil({ app }: { readonly app: App }) {
+  const hovering = useSignal(false);
+  useEffect(() => startDrop(app, (files) => (hovering.value = files)), [app]);
+  if (!hovering.value) return null;
+  return (
+    <div class="drop-veil" role="status">
+      <p>{TEXT.dropToAdd}</p>
+    </div>
   );
 }

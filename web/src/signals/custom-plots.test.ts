@@ -1,10 +1,9 @@
 /** Custom plots as plain data: what is drawn of them, how they change, and that a link brings them back. */
 import { expect, test } from "vitest";
 import type { Channel } from "../data/channels";
-import type { CustomPlot } from "../data/view";
+import type { CustomPlot, PlotSpec } from "../data/view";
 import { legendRows } from "../plots/legend";
 import { labelOf } from "./plot-selection";
-import type { PlotSpec } from "../data/view";
 import { placeQuery, readPlace } from "../page/permalink";
 import { added, heldOf, misfit, removed, withCustomPlots } from "./custom-plots";
 

@@ -8,8 +8,7 @@
  * A signal whose device is away stays in the list, and is drawn again when the device is back.
  */
 import type { Channel } from "../data/channels";
-import type { CustomPlot, SignalRef } from "../data/view";
-import type { PlotSpec, Series } from "../data/view";
+import type { CustomPlot, SignalRef, PlotSpec, Series } from "../data/view";
 import { decimalsOf } from "../ui/format/format";
 import { TEXT } from "../texts/signals";
 

@@ -13,10 +13,11 @@ import { IconButton } from "../ui/controls/icon-button";
 import { shownRobot } from "../requests/server-place";
 import { shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
-import type { Viewer } from "./viewer";
 import { ViewerPanel } from "./viewer-panel";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/viewers";
+import type { FunctionComponent } from "preact";
+import type { IconName } from "../ui/controls/icons";
 import "./viewers.css";
 
 /** The panel, on Live and on recordings. */
@@ -189,4 +190,37 @@ function Panel({ isOpen, title, close, ...props }: PanelProps) {
   return (
     <ViewerPanel class="viewer" label={title} closeHint={close} onClose={onClose} linkClass={linkClass} {...props} />
   );
+}
+
+declare module "../extension/extension" {
+  interface Extension {
+    /** Viewers that show devices or recordings in a frame. */
+    readonly viewers?: readonly Viewer[];
+  }
+}
+
+interface Viewer {
+  readonly id: string;
+  /** The first in ascending order is opened first. */
+  readonly order: number;
+  readonly icon: IconName;
+  /** Of its button and its frame: "3D scene". */
+  readonly title: string;
+  /** Where one is chosen among several: "Scene", with a hint. */
+  readonly choice: string;
+  readonly choiceHint: string;
+  /** As an object of a sentence: "a 3D scene". */
+  readonly object: string;
+  /** The action that closes it: "Close the 3D scene". */
+  readonly close: string;
+  /** What showing all devices does. */
+  readonly allHint: string;
+  /** Title of its frame over a recording. */
+  readonly recordingTitle?: string;
+  /** Address of its page: of one device, or of all. Reads signals. */
+  readonly address: (device: string | undefined) => string;
+  /** Its page, of one device or of all. */
+  readonly Live: FunctionComponent<{ readonly device: string | undefined }>;
+  /** Its page over a recording; absent: it shows none in the frame. */
+  readonly Recording?: FunctionComponent<{ readonly replay: ReplayController }>;
 }

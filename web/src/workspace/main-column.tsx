@@ -1,8 +1,7 @@
 /** The middle of the page: attitude, plots, and whatever else was put there, in the order of the layout. */
 import { type ComponentChildren, Fragment } from "preact";
 import { useRef } from "preact/hooks";
-import type { App } from "../page/context";
-import type { Deps } from "../page/context";
+import type { App, Deps } from "../page/context";
 import type { PanelDefinition } from "../panels/registry";
 import type { Panel } from "../ui/dom/dom";
 import { PanelHost } from "../panels/panel-host";

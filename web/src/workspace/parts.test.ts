@@ -12,9 +12,9 @@ import {
   type Workspace,
   withoutMoment,
   workspaceOf,
+  type WorkspaceView,
 } from "./parts";
-import type { WorkspaceView } from "./parts";
-import "./all";
+import "./view-parts";
 import { randomParts, seeded } from "../testing/random-workspace";
 
 const fresh = (): WorkspaceView => ({ viewState: createViewState(), folded: signal(false) });

@@ -3,7 +3,7 @@ import { type Signal, signal } from "@preact/signals";
 import type { ViewState } from "../data/view-state";
 import { perApp } from "../page/app-state";
 import type { App } from "../page/context";
-import "./all";
+import "./view-parts";
 import { WorkspaceHistory } from "./history";
 import { type Layout, maximise } from "../data/layout";
 import { applyWorkspace, withoutMoment, type WorkspaceView, workspaceOf } from "./parts";

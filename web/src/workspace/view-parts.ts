@@ -5,6 +5,9 @@ import { seriesOf, takeSeries } from "../page/permalink";
 import { DEFAULT_LAYOUT, layoutJson, layoutOf } from "../data/layout";
 import { registerPart } from "./parts";
 import { isKeys, isNumber, isObject, type Json, type JsonObject } from "../data/json";
+import { plotsOfWords, plotWord } from "../signals/custom-plots";
+import type { YAxis, PlotOrder } from "../data/view";
+import { DEFAULT_ORDER, PLOT_HEIGHT } from "../data/plot-order";
 
 /** Times within a workspace: from 1970 to the year 5138, unix s. */
 const [FIRST, LAST] = [0, 1e11];
@@ -130,4 +133,77 @@ registerPart<JsonObject>({
     return layout && (layoutJson(layout) ?? {});
   },
   write: ({ viewState }, json) => void (viewState.layout.value = (json && layoutOf(json)) ?? DEFAULT_LAYOUT),
+});
+
+/* The part of a workspace with the plots that the user put together, as the words of a link (signals/custom-plots.ts). */
+
+registerPart<readonly string[]>({
+  key: "customPlots",
+  isNamedInLinks: true,
+  read({ viewState: { customPlots } }) {
+    const words = [...new Set(customPlots.peek().map(plotWord))];
+    return words.length > 0 ? words : undefined;
+  },
+  check: (json) => (isKeys(json) && plotsOfWords(json).map(plotWord).join(" ") === json.join(" ") ? json : undefined),
+  write: ({ viewState: { customPlots } }, words) => void (customPlots.value = plotsOfWords(words ?? [])),
+});
+
+/* The part of a workspace with the chosen y axes: by plot key a range, and whether it is logarithmic. */
+
+const LARGEST = 1e15;
+
+function axisOf(json: Json): YAxis | undefined {
+  if (!isObject(json)) return undefined;
+  const { range, isLog } = json;
+  if (isLog !== undefined && isLog !== true) return undefined;
+  if (range === undefined) return isLog === true ? { isLog } : undefined;
+  if (!Array.isArray(range) || range.length !== 2) return undefined;
+  const [low, high] = range as readonly (Json | undefined)[];
+  if (!isNumber(low, -LARGEST, LARGEST) || !isNumber(high, -LARGEST, LARGEST) || low >= high) return undefined;
+  return isLog === true ? { range: [low, high], isLog } : { range: [low, high] };
+}
+
+const axesOf = (json: JsonObject): ReadonlyMap<string, YAxis> | undefined => {
+  const found = Object.entries(json).map(([key, axis]) => [key, axisOf(axis)] as const);
+  const known = found.flatMap(([key, axis]) => (axis ? [[key, axis] as const] : []));
+  return known.length === found.length ? new Map(known) : undefined;
+};
+
+registerPart<JsonObject>({
+  key: "yAxes",
+  read({ viewState: { yAxes } }) {
+    const axes = [...yAxes.peek()].sort(([a], [b]) => (a < b ? -1 : 1));
+    return axes.length > 0 ? (Object.fromEntries(axes) as JsonObject) : undefined;
+  },
+  check: (json) => (isObject(json) && axesOf(json) ? json : undefined),
+  write: ({ viewState: { yAxes } }, json) => void (yAxes.value = (json && axesOf(json)) ?? new Map()),
+});
+
+/* The part of a workspace with the order of the plots and their heights. */
+
+function isOrder(json: Json): json is JsonObject {
+  if (!isObject(json) || Object.keys(json).length === 0) return false;
+  const { order, heights, ...rest } = json;
+  const isHeights = (of: Json): boolean =>
+    isObject(of) &&
+    isKeys(Object.keys(of)) &&
+    Object.keys(of).length > 0 &&
+    Object.values(of).every((px) => isNumber(px, ...PLOT_HEIGHT));
+  return (
+    Object.keys(rest).length === 0 &&
+    (order === undefined || (isKeys(order) && order.length > 0)) &&
+    (heights === undefined || isHeights(heights))
+  );
+}
+
+registerPart<JsonObject>({
+  key: "plotOrder",
+  read({ viewState: { plotOrder } }) {
+    const { order, heights } = plotOrder.peek();
+    if (order === undefined && heights === undefined) return undefined;
+    const sorted = heights && Object.fromEntries(Object.entries(heights).sort(([a], [b]) => (a < b ? -1 : 1)));
+    return { ...(sorted ? { heights: sorted } : {}), ...(order ? { order: [...order] } : {}) };
+  },
+  check: (json) => (isOrder(json) ? json : undefined),
+  write: ({ viewState: { plotOrder } }, json) => void (plotOrder.value = (json as PlotOrder) ?? DEFAULT_ORDER),
 });

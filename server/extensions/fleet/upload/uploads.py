@@ -1,12 +1,12 @@
 """Uploads of finished recordings to the store (`[store] upload = true`, off by default).
 
-    library ─> finished? ─> upload_rules.py ─> upload_worker.py, one at a time ─> upload_log.py: stored, or refused
-                                                        └─ the store fails: again, after a growing pause
+    library ─> finished? ─> refusal ─> upload_worker.py, one at a time ─> upload_log.py: stored, or refused
+                                                  └─ the store fails: again, after a growing pause
 
 An upload may be killed at any moment, with the server or without: pending recordings are found again in the library,
 and an upload of a stored recording adds nothing (upload.py).
 
-With `keep_days` or `keep_gb`, recordings that the store has move to the bin, one at a time (upload_cleanup.py): right
+With `keep_days` or `keep_gb`, recordings that the store has move to the bin, one at a time (`next_to_go`): right
 before, the store's object is read and compared by its checksum.
 """
 
@@ -17,21 +17,22 @@ import contextlib
 import logging
 import time
 from collections import Counter
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
+from imuscope.recordings import sidecar
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.system import file_lock
 from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.extensions.fleet.model.settings import FleetTables
+from imuscope.server.extensions.fleet.model.store_settings import StoreSettings, hours_of
 from imuscope.server.extensions.fleet.robot.robot_settings import robot_name
-from imuscope.server.extensions.fleet.upload.upload_cleanup import edits_of, next_to_go
 from imuscope.server.extensions.fleet.upload.upload_log import UploadLog, UploadOutcome
-from imuscope.server.extensions.fleet.upload.upload_rules import pause_until, refusal
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.settings.config import Config
@@ -49,8 +50,86 @@ DOUBT_S = 3600.0  # pause of deletion after the store did not confirm a recordin
 # of the quota: share at which the backlog is reported, and below which it is reported again
 WARN_SHARE, AGAIN_SHARE = 0.8, 0.6
 FOLDER = "uploading"  # temporary files of the worker process
+DAY_S = 86_400.0
+ALARM_TITLE, ALARM_MARKER = "Alarm ", "Alarm “"  # as server/extensions/alarms/recording_trigger.py writes them
 
 UploadState = Literal["waiting", "uploading", "stored", "refused"]
+
+
+def refusal(entry: LibraryEntry, settings: StoreSettings) -> str:
+    """Reason against an upload, one sentence; "" if there is none."""
+    tags = {tag.casefold() for tag in entry.edits.tags or ()}
+    if matches := [tag for tag in settings.skip_tags if tag.casefold() in tags]:
+        return f"It has the tag {matches[0]}."
+    if settings.upload_tags and not tags & {tag.casefold() for tag in settings.upload_tags}:
+        return f"It has none of the tags {', '.join(settings.upload_tags)}."
+    duration = entry.probe.duration
+    if duration is not None and duration < settings.upload_min_s:
+        return f"It is shorter than {settings.upload_min_s:g} s."
+    if settings.upload_max_mb and entry.size > settings.upload_max_mb * 1e6:
+        return f"It is larger than {settings.upload_max_mb:g} MB."
+    if settings.upload_alarms_only and not _is_of_alarm(entry):
+        return "No alarm has begun or marked it."
+    return ""
+
+
+def pause_until(settings: StoreSettings, now: datetime) -> str:
+    """Time of day until which uploads wait, "22:00"; "" if they need not."""
+    hours = hours_of(settings.upload_hours)
+    if hours is None:
+        return ""
+    begin, end = hours
+    minute = now.hour * 60 + now.minute
+    is_within = begin <= minute < end if begin < end else minute >= begin or minute < end
+    return "" if is_within else f"{begin // 60:02}:{begin % 60:02}"
+
+
+def _is_of_alarm(entry: LibraryEntry) -> bool:
+    return entry.probe.title.startswith(ALARM_TITLE) or any(
+        text.startswith(ALARM_MARKER) for text in entry.marker_texts
+    )
+
+
+def edits_of(entry: LibraryEntry) -> int:
+    """Time of change of a recording's sidecar, ns; 0 if it has none."""
+    try:
+        return sidecar.sidecar_path(entry.path).stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def next_to_go(
+    entries: Collection[LibraryEntry],
+    outcome_of: Callable[[LibraryEntry], UploadOutcome | None],
+    settings: StoreSettings,
+    now: float,
+    played: Collection[str] = (),
+) -> LibraryEntry | None:
+    """The oldest recording that the rules allow to delete; None if there is none. It reads sidecars: call it in a
+    thread.
+
+    It is one made by imuscope (MCAP) that the store has with all its words: one that was edited after its upload, is
+    pinned, has one of `keep_tags`, or is played as a device, stays.
+
+    Args:
+        played: sources of devices; a recording that is one of them stays.
+    """
+    excess = sum(entry.size for entry in entries) - settings.keep_gb * 1e9 if settings.keep_gb else 0.0
+    protected_tags = {tag.casefold() for tag in settings.keep_tags}
+    for entry in sorted(entries, key=lambda one: one.began):
+        outcome = outcome_of(entry)
+        if outcome is None or outcome.state != "stored":
+            continue
+        is_old = settings.keep_days > 0 and now - outcome.time >= settings.keep_days * DAY_S
+        if not is_old and excess <= 0:
+            continue
+        is_ours = entry.probe.format == "mcap" and len(entry.files) == 1
+        has_tag = bool(protected_tags & {tag.casefold() for tag in entry.edits.tags or ()})
+        is_played = any(source.partition("?")[0] == str(entry.path) for source in played)
+        if not is_ours or has_tag or is_played or entry.edits.pinned or edits_of(entry) != outcome.edits:
+            continue
+        return entry
+    return None
 
 
 @dataclass(frozen=True, slots=True)

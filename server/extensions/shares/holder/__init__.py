@@ -17,6 +17,6 @@ neither numpy nor anything of the web, and runs one epoll loop in one thread.
     queues.py         bytes on their way to a client; a slow one loses whole frames
     arbiter.py        one voice at a time towards the device
     client_frames.py  which frames of a client configure the device
-    server_session.py the server: its connection (server_connection.py), requests.py, messages.py
+    server_session.py the server: its connection (server_connection.py), messages.py
     settings.py       settings as text
 """

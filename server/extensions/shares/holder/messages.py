@@ -37,7 +37,7 @@ class MessageKind(IntEnum):
     WRITE = 0x41
     """Bytes for the device."""
     REQUEST = 0x42
-    """{"id", "do", …}: see requests.py."""
+    """{"id", "do", …}: see Holder in process.py."""
 
 
 def message(kind: MessageKind, body: bytes) -> bytes:

@@ -15,7 +15,7 @@ import contextlib
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from imuscope.server.concurrency.backoff import LOCAL_S, Backoff
@@ -26,10 +26,9 @@ from imuscope.server.extensions.shares.holder.event_loop import ONCE, READ, RELA
 from imuscope.server.extensions.shares.holder.messages import MessageKind
 from imuscope.server.extensions.shares.holder.port import Port, PortError
 from imuscope.server.extensions.shares.holder.relay import OTHERS, PORT_FAILED, Relay
-from imuscope.server.extensions.shares.holder.requests import carry_out
 from imuscope.server.extensions.shares.holder.server_session import ServerSide
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
-from imuscope.server.extensions.shares.holder.shares import ShareError
+from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 from imuscope.server.extensions.shares.holder.sharing import Sharing
 from imuscope.server.extensions.shares.holder.socket_paths import port_link
 from imuscope.server.system.terminals import standing_at
@@ -281,7 +280,7 @@ class Holder:
             request = json.loads(body)
             number = int(request["id"])
             try:
-                carry_out(self, request)
+                self._carry_out(request)
             except (PortError, ShareError) as error:
                 self.server.done(number, f"{error}", kind="refused")
                 return
@@ -302,9 +301,43 @@ class Holder:
             return
         self.server.done(number, stamp_ns=stamp)
 
-    def use_frames(self, frames: str, configuration: str) -> None:
-        """Find frames, and those that configure the device, with modules of a family (client_frames.FrameRules)."""
-        self.sharing.rules = FrameRules.of(frames, configuration)
+    def _carry_out(self, request: Mapping[str, Any]) -> None:
+        """Carry out one request of the server.
+
+        {"do": "lock"} · "unlock"        begin and end a transaction, in which clients wait
+        {"do": "baud", "baud": N}        change the rate of the port · "try": and back, to see whether it has that rate
+        {"do": "share", "share": {…}}    offer a share · "unshare", "name": end it · "drop", "number": end a client
+        {"do": "frames", "module": "…"}  how frames are found, with "configuration": which of them configure the device
+        {"do": "take-over", "number": N} end the configuration that a client has not finished
+        {"do": "end"}                    end the holder
+
+        Raises:
+            PortError, ShareError: it cannot be carried out.
+            KeyError: it is not one of these.
+        """
+        match request["do"]:
+            case "lock":
+                self.arbiter.lock()
+            case "unlock":
+                self.arbiter.unlock()
+            case "baud":
+                self.port.set_baud(int(request["baud"]))
+            case "try":
+                self.port.try_baud(int(request["baud"]))
+            case "share":
+                self.sharing.add(ShareAddress.from_json(request["share"]))
+            case "unshare":
+                self.sharing.remove(request["name"])
+            case "drop":
+                self.sharing.drop(int(request["number"]))
+            case "take-over":
+                self.arbiter.forget(int(request["number"]))
+            case "frames":
+                self.sharing.rules = FrameRules.of(request["module"], request.get("configuration", ""))
+            case "end":
+                self.end()
+            case other:
+                raise KeyError(other)
 
     def _close(self) -> None:
         self.sharing.withdraw_all()

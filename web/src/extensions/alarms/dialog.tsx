@@ -2,7 +2,7 @@
 import { batch, type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { selected } from "../../panels/panel-context";
-import type { Deps } from "../../page/context";
+import type { Deps, App } from "../../page/context";
 import { Button } from "../../ui/controls/button";
 import { OptionList, Segmented } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
@@ -15,7 +15,6 @@ import type { ChannelInfo, DeviceInfo } from "../../wire/types";
 import { ANY, definitionOf, fieldsOf, lastingName, alarmName, type AlarmFields, type HealthFigure } from "./fields";
 import { PreviewNote, type PreviewPlace } from "./preview";
 import { NumberField, RecordingChoice } from "./recording-choice";
-import type { App } from "../../page/context";
 import { COMMON } from "../../texts/common";
 import { alarmList, draftOf } from "./list";
 import { TEXT } from "./texts";

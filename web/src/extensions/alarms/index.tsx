@@ -9,14 +9,46 @@ import { late } from "../../ui/dom/late";
 import { alarmCondition, canAlarm } from "./condition";
 import { followAlarms } from "./follow";
 import { alarmList, openAlarm } from "./list";
-import { OfferedAlarms } from "./offered";
 import { mountAlarms } from "./panel";
 import { alarmLayer } from "./plot-marks";
 import { AlarmTags } from "./tags";
 import { TEXT } from "./texts";
-import { alarmCompanion } from "./workspace";
+import { alarmCompanion, type Added, addAlarms, offeredIn, presentAlarms } from "./workspace";
+import { useSignal } from "@preact/signals";
+import type { CompanionProps } from "../../workspace/companions";
 
 const AlarmDialog = late(async () => (await import("./dialog")).AlarmDialog);
+
+/** Alarms of the workspace that the server does not have: added when a person says so, and said which. */
+function OfferedAlarms({ session, deps, said }: CompanionProps) {
+  const refused = useSignal<Added["refused"]>([]);
+  const offered = offeredIn(session);
+  const add = async (): Promise<void> => {
+    const added = await addAlarms(offered.peek());
+    refused.value = added.refused;
+    offered.value = [];
+    said.value = added.names.length > 0 ? TEXT.addedAlarms(added.names.length, added.names.join(", ")) : "";
+    if (!deps.recording) alarmList(deps.store).value = await presentAlarms();
+  };
+  return (
+    <>
+      {offered.value.length > 0 && (
+        <div class="stored-offer" role="status">
+          <p>{TEXT.hasAlarms(offered.value.length, offered.value.map(({ name }) => name).join(", "))}</p>
+          <div class="stored-row control-row">
+            <Button changes look="edge" words={TEXT.addAlarms(offered.value.length)} onClick={() => void add()} />
+            <Button look="edge" words={TEXT.notNow} onClick={() => (offered.value = [])} />
+          </div>
+        </div>
+      )}
+      {refused.value.map(({ definition, problem }) => (
+        <p key={definition.name} class="problem" role="alert">
+          {TEXT.refusedAlarm(definition.name, `${problem.message} ${problem.hint}`.trim())}
+        </p>
+      ))}
+    </>
+  );
+}
 
 function DeviceTags({ app, device }: DeviceActionProps) {
   return <AlarmTags alarms={alarmList(app.store).value} device={device.id} />;

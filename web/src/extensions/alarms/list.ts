@@ -2,8 +2,7 @@
 import { signal } from "@preact/signals";
 import type { Store } from "../../data/store";
 import { madeFor } from "../../page/app-state";
-import type { App } from "../../page/context";
-import type { Openers } from "../../page/context";
+import type { App, Openers } from "../../page/context";
 import type { AlarmInfo } from "../../wire/routes";
 import type { AlarmDraft } from "./states";
 

@@ -2,9 +2,8 @@
 import { registerExtension, type Slots } from "../../extension/extension";
 import { BAR_CLASS } from "../../pages/top-bar";
 import type { ExtensionPress } from "../../page/keys";
-import type { LiveDialogProps } from "../../page/context";
+import type { LiveDialogProps, App } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
-import type { App } from "../../page/context";
 import { recordingTitle } from "../../recordings/library-filter";
 import { Button } from "../../ui/controls/button";
 import { IconButton } from "../../ui/controls/icon-button";
@@ -15,7 +14,7 @@ import { TEXT as COMPARE } from "./compare/texts";
 import { analysisPanel } from "./panel";
 import { TEXT } from "./texts";
 import "./layers.css";
-import "./workspace-part";
+import "./panel";
 
 const loading = <div class="app" aria-busy="true" />;
 const ComparePage = late(async () => (await import("./compare/page")).ComparePage, loading);

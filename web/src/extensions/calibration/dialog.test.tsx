@@ -7,7 +7,7 @@ import type { CalibrationReport, CalibrationState } from "../../wire/routes";
 import type { DeviceInfo, DeviceJobs, Job } from "../../wire/types";
 import { CalibrationDialog } from "./dialog";
 import { digits } from "./result";
-import { cellPaths, screenPlaceOf } from "./sphere";
+import { cellPaths, screenPlaceOf } from "./progress";
 
 const RINGS = [3, 9, 12];
 const REPORT: CalibrationReport = {

@@ -2,17 +2,22 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import type { ViewState } from "../../data/view-state";
-import type { FigureSource } from "../../measure/figure-source";
+import { type FigureSource, wantedOf } from "../../measure/figure-source";
 import { recordingsApi } from "../../recordings/api";
 import { Button } from "../../ui/controls/button";
 import { Segmented } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
 import type { HttpProblem } from "../../requests/http";
 import { ProblemNote } from "../../requests/problem-note";
-import type { App } from "../../page/context";
-import { evidencePlots } from "./plots";
+import type { App, LiveDialogProps } from "../../page/context";
 import { Jobs } from "../../pages/recordings/export-jobs";
 import { TEXT } from "./texts";
+import { TEXT as LIVE } from "../../texts/live";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
+import { recordingTitle } from "../../recordings/library-filter";
+import { byUnit, visible } from "../../plots/visible-plots";
+import { labelOf } from "../../signals/plot-selection";
+import type { EvidencePlot, EvidenceSeries } from "../../wire/routes";
 import "../../pages/recordings/export.css";
 import "./dialog.css";
 
@@ -123,4 +128,88 @@ export function EvidenceDialog(props: Props) {
       </div>
     </Dialog>
   );
+}
+
+/** Samples may be shown at their device's time, which is this far from the arrival of their bytes at most, s. */
+const MARGIN_S = 1;
+
+export function LiveEvidence({ app, onClose }: LiveDialogProps) {
+  const problem = useSignal<HttpProblem | undefined>(undefined);
+  const source: FigureSource = {
+    id: "",
+    prefix: (device) => `${device}/`,
+    sent: (id) => app.store.sent(id),
+    changeOf: (id) => app.store.changeOf(id),
+  };
+  const save = async ({ t0, t1 }: EvidenceRange): Promise<string | undefined> => {
+    const saved = await recordingsApi.saveMemory({
+      devices: null,
+      seconds: null,
+      t0: t0 === null ? null : t0 - MARGIN_S,
+      t1: t1 === null ? null : t1 + MARGIN_S,
+      title: LIVE.partOfLive,
+    });
+    problem.value = saved.ok ? undefined : saved.problem;
+    return saved.ok ? saved.value.id : undefined;
+  };
+  return (
+    <EvidenceDialog
+      app={app}
+      title={TEXT.live}
+      viewState={app.viewState}
+      source={source}
+      wholeName={TEXT.allInMemory}
+      recordingOf={save}
+      problem={problem.value}
+      onClose={onClose}
+    >
+      <p class="dim">{TEXT.fromMemory}</p>
+    </EvidenceDialog>
+  );
+}
+
+export function RecordingEvidence({ recording, onClose }: RecordingDialogProps) {
+  const { app, replay } = recording;
+  const { info } = replay.detail;
+  return (
+    <EvidenceDialog
+      app={app}
+      title={recordingTitle(info)}
+      viewState={replay.viewState}
+      source={replay.samples.source}
+      wholeName={TEXT.whole}
+      recordingOf={async () => info.id}
+      onClose={onClose}
+    />
+  );
+}
+
+interface EvidencePlots {
+  readonly plots: EvidencePlot[];
+  /** Labels of curves that the server cannot compute. */
+  readonly without: readonly string[];
+}
+
+export function evidencePlots({ actions, hiddenSeries, yAxes }: ViewState, source: FigureSource): EvidencePlots {
+  const without: string[] = [];
+  const plots = visible(actions.plots(), hiddenSeries.peek())
+    .flatMap(byUnit)
+    .flatMap((plot): EvidencePlot[] => {
+      const series = plot.series.flatMap((one): EvidenceSeries[] => {
+        const wanted = wantedOf(one, source);
+        if (wanted === undefined) {
+          without.push(`${plot.title} ${labelOf(one)}`);
+          return [];
+        }
+        const { word: signal, part, factor, offset, period } = wanted;
+        const { colour, dash, decimals } = one;
+        return [{ signal, part, factor, offset, period, label: labelOf(one), colour, dash: [...dash], decimals }];
+      });
+      if (series.length === 0) return [];
+      const axis = yAxes.peek().get(plot.key);
+      const [low, high] = axis?.range ?? [null, null];
+      const title = plot.frame === "" ? plot.title : `${plot.title} · ${plot.frame}`;
+      return [{ title, unit: plot.unit, series, low, high, log: axis?.isLog === true }];
+    });
+  return { plots, without };
 }

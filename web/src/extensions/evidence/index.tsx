@@ -49,8 +49,8 @@ registerExtension({
   dialogs: [
     {
       overlay: "evidence/dialog",
-      Live: late(async () => (await import("./live")).LiveEvidence),
-      Recording: late(async () => (await import("./recording")).RecordingEvidence),
+      Live: late(async () => (await import("./dialog")).LiveEvidence),
+      Recording: late(async () => (await import("./dialog")).RecordingEvidence),
     },
   ],
   keys: [{ key: "e", group: COMMON.keysOfRecording, before: "C", what: TEXT.key, press: ({ app }) => open(app) }],

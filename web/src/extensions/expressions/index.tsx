@@ -1,7 +1,6 @@
 /** Signals that are computed from others by an expression: made, edited and removed in the tree of signals. */
 import { registerExtension, type Slots } from "../../extension/extension";
-import type { LiveDialogProps } from "../../page/context";
-import type { Deps } from "../../page/context";
+import type { LiveDialogProps, Deps } from "../../page/context";
 import { added } from "../../signals/custom-plots";
 import { isComputed } from "../../signals/names";
 import { Button } from "../../ui/controls/button";

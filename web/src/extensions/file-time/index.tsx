@@ -4,8 +4,7 @@
  */
 import { effect } from "@preact/signals";
 import { registerExtension } from "../../extension/extension";
-import type { DeviceActionProps } from "../../page/context";
-import type { App } from "../../page/context";
+import type { DeviceActionProps, App } from "../../page/context";
 import { route } from "../../page/route";
 import { Button } from "../../ui/controls/button";
 import { late } from "../../ui/dom/late";
@@ -43,7 +42,7 @@ registerExtension({
   dialogs: [
     {
       overlay: "file-time/reading",
-      Recording: late(async () => (await import("./recording-dialog")).RecordingReading),
+      Recording: late(async () => (await import("./reading-dialog")).RecordingReading),
     },
     {
       overlay: "file-time/clocks",

@@ -7,12 +7,14 @@ import { Segmented, Select } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
 import { type HttpProblem, request } from "../../requests/http";
 import { ProblemNote } from "../../requests/problem-note";
-import type { ReadingState, TablePreview } from "../../wire/routes";
+import type { ReadingState, TablePreview, FileTime } from "../../wire/routes";
 import { COMMON } from "../../texts/common";
 import { ColumnNames } from "./column-names";
 import { FirstRows } from "./first-rows";
 import { COUNT_ROWS, samplingWords, type Reading, readingOf, timeChoices, unitOption, withTimes } from "./reading";
 import { TEXT } from "./texts";
+import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
+import { reopen } from "./reopen";
 import "./reading.css";
 
 /** Pause after which what is typed is shown, ms. */
@@ -212,4 +214,15 @@ function Facts({ table }: { readonly table: TablePreview }) {
       ))}
     </div>
   );
+}
+
+export function RecordingReading({ recording, onClose }: RecordingDialogProps) {
+  const { info } = recording.replay.detail;
+  const state = recording.app.subject.value as Pick<FileTime, "reading" | "is_chosen"> | undefined;
+  if (state === undefined) return null;
+  const onChosen = (): void => {
+    onClose();
+    reopen(info.id);
+  };
+  return <ReadingDialog recording={info.id} title={info.file} state={state} onClose={onClose} onChosen={onChosen} />;
 }

@@ -1,10 +1,9 @@
 /** The track, enlarged over a map: in a dialog, or as a panel that is hidden until a person shows it. */
 import { positionOf } from "./position";
 import { registerExtension } from "../../extension/extension";
-import type { LiveDialogProps } from "../../page/context";
+import type { LiveDialogProps, Deps } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { channelsOf } from "../../panels/panel-context";
-import type { Deps } from "../../page/context";
 import { COMMON } from "../../texts/common";
 import { Dialog } from "../../ui/controls/dialog";
 import type { Panel } from "../../ui/dom/dom";

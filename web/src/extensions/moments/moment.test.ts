@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { mistakeIn, momentOf, neighbour } from "./moment";
+import { mistakeIn, momentOf, neighbour } from "./go-to";
 
 const FROM = Date.UTC(2025, 9, 9, 8, 53, 20) / 1000;
 

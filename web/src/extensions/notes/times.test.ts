@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { piecesOf, timeText } from "./times";
+import { piecesOf, timeText } from "./panel";
 
 const MIDNIGHT = Date.UTC(2026, 10, 21) / 1000;
 const NOON = MIDNIGHT + 43_200;

@@ -4,9 +4,8 @@
  *
  *     export default function (door) { door.addPanel({ id: "total/samples", title: "Samples", mount(host, view) { … } }); }
  */
-import type { App } from "../../page/context";
+import type { App, Deps } from "../../page/context";
 import { channelsOf, reading, sampleAt, selected } from "../../panels/panel-context";
-import type { Deps } from "../../page/context";
 import { type PanelPlace, registerPanel } from "../../panels/registry";
 import type { Panel } from "../../ui/dom/dom";
 import { request } from "../../requests/http";

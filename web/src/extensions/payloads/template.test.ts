@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { initialDefinition } from "./template";
+import { initialDefinition } from "./dialog";
 
 const family = {
   payload_template: "# {size} bytes, {other}\ntype 0x{id}\n{type}\ncount {count}\nend\n",

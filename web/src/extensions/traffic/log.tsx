@@ -1,5 +1,5 @@
 /** Every frame to and from the device, its meaning and duration; bytes by hand. */
-import { type Signal, useSignal } from "@preact/signals";
+import { type Signal, useSignal, computed, effect, type ReadonlySignal, signal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/frame-chips";
 import { Button } from "../../ui/controls/button";
@@ -10,12 +10,12 @@ import { Message } from "../../ui/controls/message";
 import type { TrafficEntry } from "../../wire/types";
 import type { Model } from "../../pages/configure/model";
 import type { Slots } from "../../extension/extension";
-import { logOf } from "./log-state";
 import { request } from "../../requests/http";
 import { COMMON } from "../../texts/common";
 import { TEXT as CONFIGURE } from "../../texts/configure";
-import "./traffic.css";
 import { TEXT } from "./texts";
+import { madeFor } from "../../page/app-state";
+import "./traffic.css";
 
 /** The newest entries on screen; older ones are loaded by hand. */
 const SHOWN = 400;
@@ -245,3 +245,53 @@ function ByHand({ model }: { readonly model: Model }) {
     </form>
   );
 }
+
+/** Entries that are loaded at once. */
+const OLDER_BY = 200;
+
+class TrafficState {
+  readonly #older: Signal<readonly TrafficEntry[]> = signal([]);
+  readonly noOlder = signal(false);
+  readonly entries: ReadonlySignal<readonly TrafficEntry[]>;
+
+  constructor(readonly model: Model) {
+    const { id, store } = model;
+    this.entries = computed(() => {
+      const own = store.traffic.value.filter(({ device }) => device === id);
+      const known = new Set(own.map(({ seq }) => seq)); // entries missed while disconnected lie between them
+      return [...this.#older.value.filter(({ seq }) => !known.has(seq)), ...own].sort((a, b) => a.seq - b.seq);
+    });
+    // another sensor on this link has a log of its own
+    const sensor = computed(() => (model.device.value?.serial_number ? model.device.value.key : ""));
+    let before = sensor.peek();
+    effect(() => {
+      if (sensor.value === "") return;
+      if (before !== "" && sensor.value !== before) this.#forget();
+      before = sensor.value;
+    });
+    effect(() => {
+      if (store.jobs.value.size === 0) this.#forget(); // another run of the server numbers entries anew
+    });
+    effect(() => {
+      if (model.loads.value > 0) void this.loadOlder(undefined);
+    });
+  }
+
+  #forget(): void {
+    this.#older.value = [];
+    this.noOlder.value = false;
+  }
+
+  async loadOlder(before = this.entries.peek()[0]?.seq): Promise<void> {
+    const query = { before, limit: OLDER_BY };
+    const found = await request("GET /api/devices/{device}/traffic", { path: { device: this.model.id }, query });
+    if (!found.ok) return;
+    this.noOlder.value = found.value.length < OLDER_BY;
+    const known = new Set(this.#older.peek().map(({ seq }) => seq));
+    this.#older.value = [...found.value.filter(({ seq }) => !known.has(seq)), ...this.#older.peek()].sort(
+      (a, b) => a.seq - b.seq,
+    );
+  }
+}
+
+const logOf = madeFor((model: Model) => new TrafficState(model));

@@ -1,11 +1,33 @@
 /** The 3D scene, by viser: in the frame of viewers, and as a panel. */
 import { registerExtension } from "../../extension/extension";
 import type { ReplayController } from "../../recordings/replay-controller";
-import { mountScene } from "./panel";
 import { Begun, Following } from "./scene-frame";
 import { serverRoot, shownRobot } from "../../requests/server-place";
 import { TEXT } from "./texts";
+import { COMMON } from "../../texts/common";
+import type { Panel } from "../../ui/dom/dom";
+import { late } from "../../ui/dom/late";
+import { reading, selected } from "../../panels/panel-context";
+import type { Deps } from "../../page/context";
+import { renderedPanel } from "../../panels/panel-host";
 import "./viser.css";
+
+const LiveScene = late(async () => (await import("./scene-frame")).Begun);
+const RecordedScene = late(async () => (await import("./scene-frame")).Following);
+
+function Scene({ deps }: { readonly deps: Deps }) {
+  const { recording } = deps;
+  const device = selected(deps)?.id;
+  if (recording) {
+    const player = { recording: recording.id, head: () => reading(deps).time, rate: recording.rate };
+    return <RecordedScene player={player} />;
+  }
+  return device === undefined ? <p class="wait">{COMMON.none}</p> : <LiveScene key={device} device={device} />;
+}
+
+function mountScene(host: HTMLElement, deps: Deps): Panel {
+  return renderedPanel(host, <Scene deps={deps} />);
+}
 
 const Live = ({ device }: { readonly device: string | undefined }) => <Begun device={device ?? ""} />;
 

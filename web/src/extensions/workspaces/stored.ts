@@ -4,10 +4,11 @@ import type { WorkspaceInfo, WorkspaceList } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
 import { signal } from "@preact/signals";
 import { madeFor } from "../../page/app-state";
-import { accompanied, takeCompanions } from "./companions";
-import { withoutMoment, workspaceOf } from "../../workspace/parts";
+import { withoutMoment, workspaceOf, type Workspace } from "../../workspace/parts";
 import type { WorkspaceSession } from "../../workspace/session";
 import { parseForeign } from "../../wire/foreign-text";
+import { fromExtensions } from "../../extension/extension";
+import { isObject } from "../../data/json";
 
 /** Largest file that is read, bytes: that of the server. */
 const MAX_FILE = 256 * 1024;
@@ -108,4 +109,26 @@ export async function openDefault(
   const outcome = await listWorkspaces();
   const name = outcome.ok ? outcome.value.defaults[family] : undefined;
   if (name !== undefined && isUntouched()) await openStored(session, name, isUntouched);
+}
+
+interface Accompanied {
+  readonly workspace: Workspace & { readonly [key: string]: unknown };
+  /** What travels with it, in words. */
+  readonly said: string;
+}
+
+async function accompanied(workspace: Workspace, devices: readonly DeviceInfo[]): Promise<Accompanied> {
+  const found = await Promise.all(
+    fromExtensions("companions").map(async ({ key, read, saved }) => ({ key, saved, json: await read(devices) })),
+  );
+  const present = found.flatMap(({ key, saved, json }) => (json === undefined ? [] : [{ key, saved, json }]));
+  return {
+    workspace: { ...workspace, ...Object.fromEntries(present.map(({ key, json }) => [key, json])) },
+    said: present.map(({ saved, json }) => saved(json)).join(" "),
+  };
+}
+
+async function takeCompanions(session: WorkspaceSession, workspace: unknown): Promise<void> {
+  for (const { key, take } of fromExtensions("companions"))
+    await take(session, isObject(workspace) ? workspace[key] : undefined);
 }

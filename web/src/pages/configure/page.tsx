@@ -10,7 +10,6 @@ import { ApplyBar } from "./apply-bar";
 import { Ask } from "./confirm-dialog";
 import { Command } from "./command-form";
 import { Compare } from "./compare";
-import { ConfigureSide } from "./side";
 import { SettingGroup } from "./group";
 import { type Model, modelOf } from "./model";
 import { ConfigureRail } from "./sidebar";
@@ -42,6 +41,8 @@ import { deviceInLink } from "../../wire/device-name";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 import "./styles";
+import { Slot } from "../../extension/extension";
+import { StopJob } from "./jobs";
 
 export function ConfigurePage({ app }: { readonly app: App }) {
   const device = app.device.value;
@@ -276,5 +277,55 @@ function ReadAgain({ model }: { readonly model: Model }) {
       title={TEXT.readAllHint}
       onClick={() => readAll(model)}
     />
+  );
+}
+
+declare module "../../extension/extension" {
+  interface Slots {
+    /** On the right of Configure; without a model there is no device. */
+    readonly configureSide: { readonly app: App; readonly model: Model | undefined };
+  }
+}
+
+function ConfigureSide({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
+  return (
+    <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={COMMON.trafficLog}>
+      <Slot name="configureSide" with={{ app, model }} />
+      {model && <Queue model={model} />}
+    </aside>
+  );
+}
+
+/** Running and waiting jobs. */
+function Queue({ model }: { readonly model: Model }) {
+  const jobs = model.jobs.value;
+  const waiting = jobs?.queue ?? [];
+  const running = jobs?.running;
+  return (
+    <div class="queue">
+      {running && (
+        <p>
+          <span class="dot live" />
+          <span class="grow ellipsis">
+            {running.title}
+            {running.step ? `: ${running.step}` : ""}
+          </span>
+          <StopJob model={model} job={running} />
+        </p>
+      )}
+      {waiting.map((job) => (
+        <p key={job.id}>
+          <span class="dot off" />
+          <span class="grow ellipsis">{job.title}</span>
+          <StopJob model={model} job={job} />
+        </p>
+      ))}
+      {!running && waiting.length === 0 && (
+        <p>
+          <span class="dot off" />
+          {TEXT.queueEmpty}
+        </p>
+      )}
+    </div>
   );
 }

@@ -2,22 +2,21 @@
 import { useEffect } from "preact/hooks";
 import { BudgetBar } from "../../forms/budget-bar";
 import { BytesView } from "../../forms/frame-view";
-import { changesOf, touches } from "../../forms/edits";
+import { changesOf, touches, type Present } from "../../forms/edits";
 import { FieldList } from "../../forms/field";
 import { RateTableEditor } from "../../forms/rate-table-editor";
-import { optionsOf } from "../../forms/options";
 import type { FormContext } from "../../forms/form-context";
-import type { FieldForm, FieldProblem, LoadInfo, SettingForm } from "../../wire/form-types";
+import type { FieldForm, FieldProblem, LoadInfo, SettingForm, TextList } from "../../wire/form-types";
 import type { Path, FormValues } from "../../forms/values";
 import { Button } from "../../ui/controls/button";
 import { Message } from "../../ui/controls/message";
 import { ProblemNote } from "../../requests/problem-note";
-import { makeItFit } from "./fit-rates";
 import { route } from "../../page/route";
 import type { Model } from "./model";
 import { CAUTIONS, pauseOf } from "./view-state";
 import { isViewOnly } from "../../wire/capabilities";
 import { TEXT } from "../../texts/configure";
+import { configureApi } from "./api";
 
 interface Props {
   readonly model: Model;
@@ -224,4 +223,42 @@ function FitWords({ model, form }: { readonly model: Model; readonly form: Setti
       </ul>
     </div>
   );
+}
+
+/** Options of the fields of a setting, by name; fields that may hold any text are not in it. */
+export function optionsOf(form: SettingForm, present: Present): Readonly<Record<string, readonly string[]>> {
+  const found = form.fields.flatMap((field) => {
+    const options = field.listed ? listed(field.options, textsOf(field.listed, present)) : field.options;
+    return field.editor === "text" && options.length > 0 ? [[field.name, options] as const] : [];
+  });
+  return Object.fromEntries(found);
+}
+
+/** The texts that the device listed. */
+function textsOf({ setting, records, text, used }: TextList, present: Present): readonly string[] {
+  const rows = present[setting]?.[records];
+  return Array.isArray(rows)
+    ? rows
+        .filter((row) => Number(row[used]) > 0)
+        .map((row) => String(row[text]).trim())
+        .filter(Boolean)
+    : [];
+}
+
+/** Options all of whose parts the device lists ("Robust/VRU" of Robust and VRU), then what it lists beyond them. */
+function listed(options: readonly string[], texts: readonly string[]): readonly string[] {
+  if (texts.length === 0) return options;
+  const parts = new Set(options.flatMap((option) => option.split("/")));
+  const there = options.filter((option) => option.split("/").every((part) => texts.includes(part)));
+  return [...there, ...texts.filter((text) => !parts.has(text))];
+}
+
+async function makeItFit(model: Model, form: SettingForm): Promise<void> {
+  const answer = await model.run(configureApi.fit(model.id, form.name, model.valuesOf(form), model.baud.value ?? null));
+  if (answer === undefined) return;
+  for (const field of form.fields) {
+    const value = answer.values[field.name];
+    if (value !== undefined && !field.read_only) model.edit(form, [field.name], value);
+  }
+  model.fitting.value = { setting: form.name, words: answer.words, draft: model.drafts.peek()[form.name] };
 }

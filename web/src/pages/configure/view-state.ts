@@ -1,11 +1,10 @@
 /** State of the Configure page beyond its models: level of detail, search, open question; and places in it. */
 import type { FunctionComponent } from "preact";
-import type { Forms } from "../../wire/form-types";
+import type { Forms, CautionKind, SettingForm } from "../../wire/form-types";
 import { fromExtensions } from "../../extension/extension";
 import { signal } from "@preact/signals";
 import { perApp } from "../../page/app-state";
 import { go, href } from "../../page/route";
-import type { CautionKind, SettingForm } from "../../wire/form-types";
 import { protocolOf } from "../../wire/capabilities";
 import type { Edits, Model } from "./model";
 import { TEXT } from "../../texts/configure";

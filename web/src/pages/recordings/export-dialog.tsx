@@ -2,9 +2,8 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { bytes, length, recordingTitle } from "../../recordings/library-filter";
-import { devicesFor, formatsOf, sizeOf } from "../../recordings/export-formats";
 import { recordingsApi } from "../../recordings/api";
-import type { ExportSizes, RecordingDetail } from "../../wire/recording-types";
+import type { ExportSizes, RecordingDetail, RecordingInfo } from "../../wire/recording-types";
 import { Button } from "../../ui/controls/button";
 import { Select } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
@@ -204,4 +203,45 @@ function Channels({
       ))}
     </details>
   );
+}
+
+/** The formats that the devices of a recording allow. */
+export function formatsOf(
+  formats: readonly ExportCapability[],
+  info: Pick<RecordingInfo, "devices">,
+): readonly ExportCapability[] {
+  return formats.filter(
+    ({ protocol }) => protocol === "" || info.devices.some((device) => device.protocol === protocol),
+  );
+}
+
+/** Devices whose bytes a format can hold. */
+function devicesFor(info: Pick<RecordingInfo, "devices">, format: ExportCapability): RecordingInfo["devices"] {
+  return info.devices.filter(({ protocol }) => format.protocol === "" || protocol === format.protocol);
+}
+
+/** The size of an export, and whether that was measured on this recording. */
+interface Size {
+  readonly bytes: number;
+  readonly measured: boolean;
+}
+
+/**
+ * Approximate bytes of an export. Until measured, by the size per byte of a driving recording; one at rest compresses far better.
+ *
+ * @param seconds exported part of the recording, s
+ * @param device whose bytes they are, if a format holds those of one
+ * @param measured the server's result for this range and these channels; undefined before its answer
+ */
+export function sizeOf(
+  format: ExportCapability,
+  info: Pick<RecordingInfo, "size" | "duration">,
+  seconds: number,
+  device: string | undefined,
+  measured: ExportSizes | undefined,
+): Size {
+  const found = format.single ? measured?.devices[device ?? ""] : measured?.sizes[format.name];
+  if (found !== undefined) return { bytes: found, measured: true };
+  const share = info.duration !== null && info.duration > 0 ? Math.min(1, seconds / info.duration) : 1;
+  return { bytes: info.size * share * format.per_byte, measured: false };
 }

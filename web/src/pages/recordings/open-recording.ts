@@ -1,12 +1,11 @@
 /** An open recording on a page: its controller, and what is open over its plots. */
 import { type Signal, signal } from "@preact/signals";
 import type { FunctionComponent } from "preact";
-import type { Deps } from "../../page/context";
+import type { Deps, App } from "../../page/context";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { type LinkedPlace, placeHref } from "../../page/permalink";
 import { applyLinkText, linkTextOf } from "../../workspace/parts";
 import { sessionOf, type WorkspaceSession } from "../../workspace/session";
-import type { App } from "../../page/context";
 
 declare module "../../page/context" {
   interface ExtensionDialog {

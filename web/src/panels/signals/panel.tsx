@@ -5,13 +5,12 @@
  */
 import { type Signal, untracked, useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import type { CustomPlot } from "../../data/view";
+import type { CustomPlot, PlotSpec } from "../../data/view";
 import { Slot } from "../../extension/extension";
 import { reading } from "../panel-context";
 import type { Deps } from "../../page/context";
 import { protocolAmong } from "../../wire/capabilities";
 import { usualPlots } from "../../signals/plot-selection";
-import type { PlotSpec } from "../../data/view";
 import { Button } from "../../ui/controls/button";
 import { IconButton } from "../../ui/controls/icon-button";
 import { SearchField } from "../../ui/controls/search-field";

@@ -13,7 +13,6 @@ import { Help } from "../../../pages/help";
 import { Message } from "../../../ui/controls/message";
 import { RobotDetails } from "./details";
 import { type Fleet, fleetOf } from "./fleet-state";
-import { FLEET_KEYS } from "./keys";
 import { List } from "./list";
 import { FleetMap } from "./map";
 import { START } from "./address";
@@ -21,6 +20,7 @@ import { Summary, Tools } from "./tools";
 import { usePhone } from "../../../ui/controls/use-phone";
 import { COMMON } from "../../../texts/common";
 import { TEXT } from "./texts";
+import type { KeyGroup } from "../../../page/keys";
 import "./fleet.css";
 import "./phone.css";
 
@@ -137,3 +137,25 @@ function NoMatch({ fleet }: { readonly fleet: Fleet }) {
     </Card>
   );
 }
+
+const FLEET_KEYS: readonly KeyGroup[] = [
+  {
+    title: TEXT.robots,
+    lines: [
+      { keys: ["↑", "↓"], what: TEXT.keyMove },
+      { keys: ["Page ↑", "Page ↓", "Home", "End"], what: TEXT.keyFar },
+      { keys: ["Enter"], what: TEXT.keyOpen },
+      { keys: ["←", "→"], what: TEXT.keyExpand },
+      { keys: ["S"], what: TEXT.keySort },
+    ],
+  },
+  {
+    title: COMMON.keysOfPages,
+    lines: [
+      { keys: ["G F", "G R"], what: TEXT.keyPages },
+      { keys: ["/"], what: TEXT.search },
+      { keys: ["?"], what: COMMON.keyboard },
+      { keys: ["Esc"], what: TEXT.closeDetails },
+    ],
+  },
+];

@@ -5,7 +5,7 @@ import { expect, test, vi } from "vitest";
 import { newApp, openPage } from "../../../testing/live-page";
 import { find } from "../../../testing/queries";
 import { answering, recorded } from "../../../testing/recorded";
-import { uploadsOf } from "./state";
+import { uploadsOf } from "./marks";
 
 const rows = (): readonly HTMLElement[] => [...document.querySelectorAll<HTMLElement>(".recording-list tbody tr")];
 

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
-import type { ExportCapability } from "../wire/capability-types";
-import { formatsOf, sizeOf } from "./export-formats";
+import type { ExportCapability } from "../../wire/capability-types";
+import { formatsOf, sizeOf } from "./export-dialog";
 
 const format = (part: Partial<ExportCapability> & { readonly name: string }): ExportCapability => ({
   title: part.name,

@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { field } from "../testing/fixtures";
 import type { FormContext } from "./form-context";
-import { hasMeanings, meantFields, signedContext } from "./meanings";
+import { hasMeanings, meantFields, signedContext } from "./list-input";
 import type { Meaning } from "../wire/form-types";
 import { at, read, typed } from "./values";
 

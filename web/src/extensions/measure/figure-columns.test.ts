@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { timesSeconds } from "./units";
+import { timesSeconds } from "./figure-columns";
 
 /** As server/extensions/analysis/signals/units.py gives them. */
 it.each([

@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import type { ViewState } from "../../data/view-state";
 import type { FigureSource } from "../../measure/figure-source";
 import type { PlotSpec } from "../../data/view";
-import { evidencePlots } from "./plots";
+import { evidencePlots } from "./dialog";
 
 const column = (name: string) => ({ name, period: 0, unit: "", label: "", bits: [], choices: {} });
 const info = (id: number, name: string, columns: readonly string[]) =>

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
-import { field, setting } from "../testing/fixtures";
-import { optionsOf } from "./options";
+import { field, setting } from "../../testing/fixtures";
+import { optionsOf } from "./setting-form";
 
 const form = setting({
   name: "FilterProfile",

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { BLANK, flowOf, ntripProblem, ntripUrl } from "./ntrip";
+import { BLANK, flowOf, ntripProblem, ntripUrl } from "./form";
 
 it("gives a valid source for any password", () => {
   expect(

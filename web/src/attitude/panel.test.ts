@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import type { Channel } from "../data/channels";
 import { TEXT } from "../texts/attitude";
-import { attitudeHint } from "./missing";
+import { attitudeHint } from "./panel";
 
 const OF_FAMILY = "Stream INS 1.";
 const of = (...groups: readonly string[]): Channel[] =>

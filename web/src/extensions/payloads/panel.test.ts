@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { hexBytes, hexLines } from "./hex";
+import { hexBytes, hexLines } from "./panel";
 
 const text = (runs: readonly { readonly text: string }[]): string => runs.map((run) => run.text).join("");
 
