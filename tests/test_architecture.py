@@ -56,7 +56,7 @@ SERVING = {"asyncio", "fastapi", "starlette", "uvicorn", "websockets"}
 
 # Tables as data: rows of a specification, one after the other.
 TABLES = {"protocols/xbus/data_identifiers.py", "protocols/xbus/messages.py"}
-GENERATED = {"web/src/wire/routes.ts"}
+GENERATED = {"web/src/wire/routes.ts", "web/src/wire/types.ts"}
 CODE = {".py", ".ts", ".tsx", ".js", ".css", ".html"}
 LONGEST = 500
 

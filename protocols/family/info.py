@@ -306,6 +306,10 @@ class StreamTraits:
     dated: Callable[[Reply], int | None] = lambda reply: None
     is_offered: bool = True
 
+    def numbers(self, message: Message) -> bool:
+        """Whether the samples of a message are among those that the counter of a device numbers."""
+        return not self.counter or any(field.name == self.counter for field in message.fields)
+
 
 @dataclass(frozen=True, slots=True)
 class DeviceTraits:

@@ -118,6 +118,7 @@ class DeviceHealth:
     dropped: int = 0  # samples dropped for this browser
     behind: Behind = field(default_factory=Behind)  # measured here; a page adds its own part
     jitter_cause: JitterCause | None = None  # cause of uneven arrival times; null while they are even
+    numbered: int = 0  # samples received that counters number; lost ones are a share of both together
 
 
 @dataclass(slots=True)

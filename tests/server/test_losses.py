@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import islice
+
+import pytest
+
 from imuscope.protocols.idtp.frames import build as idtp_frame
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
+from imuscope.server import wire
 from imuscope.server.devices.decode.decode_options import DecodeOptions
+from imuscope.server.devices.device.losses import LossWindow
 from tests.each_row import each_row
 from tests.server.family_harness import family
 
@@ -94,3 +101,60 @@ async def test_bytes_that_no_decoder_claims_are_counted() -> None:
     async with family(DecodeOptions()) as stage:
         await stage.run(Port(), 2)
         assert stage.health.unclaimed == 20 * 7
+
+
+class Lossy:
+    """Frames of several messages that share a counter; each tenth frame is lost. Four messages take turns."""
+
+    next_ns = 0
+
+    def __init__(self, frames: Callable[[int], bytes], number: int = 4000) -> None:
+        self.numbers = iter(range(number))
+        self.frame = frames
+
+    def advance(self, now_ns: int) -> bytes:
+        return b"".join(self.frame(n) for n in islice(self.numbers, 40) if n % 10 != 5)
+
+
+def idtp_of_four(n: int) -> bytes:
+    return idtp_frame((0x00, 0x01, 0x02, 0x04)[n % 4], bytes((12, 24, 24, 16)[n % 4]), sequence=n, timestamp=1000 * n)
+
+
+def xbus_of_two(n: int) -> bytes:
+    """An MTi that sends orientation in each fourth frame, and a sentence beside each frame, which has no number."""
+    body = bytes.fromhex("102002") + (n % 65536).to_bytes(2, "big")
+    body += bytes.fromhex("402010") + bytes(12) + b"\0\0\0\0" if n % 4 == 0 else bytes.fromhex("081004") + bytes(4)
+    return build(0x36, body) + b"$HCHDM,354.0,M*23\r\n"
+
+
+@each_row("frames", [idtp_of_four, xbus_of_two])
+async def test_the_share_of_loss_is_that_of_all_messages_that_share_the_counter(
+    frames: Callable[[int], bytes],
+) -> None:
+    """Regression: four messages with one counter had four times the share, in alarms and in the fleet."""
+    window = LossWindow(60.0)
+    async with family(DecodeOptions()) as stage:
+        device = Lossy(frames)
+        await stage.run(device, 1)
+        window.add(stage.health)
+        await stage.run(device, 8)
+        window.add(stage.health)
+        assert stage.health.lost > 200
+        assert window.share == pytest.approx(0.1, rel=0.02)
+
+
+def test_fewer_samples_are_those_of_another_session() -> None:
+    def health(time: float, lost: int, numbered: int) -> wire.DeviceHealth:
+        counts = (0.0, [], 0, lost, 0, 0, 0.0, None, None, None, None, None)
+        return wire.DeviceHealth("1", time, *counts, numbered=numbered)
+
+    window = LossWindow(10.0)
+    assert window.share is None
+    assert window.add(health(0.0, 5, 100))
+    assert window.share is None
+    assert window.add(health(1.0, 15, 190))
+    assert window.share == pytest.approx(0.1)
+    assert not window.add(health(2.0, 0, 10))
+    assert window.share is None
+    assert window.add(health(3.0, 0, 20))
+    assert window.share == 0.0

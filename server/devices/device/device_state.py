@@ -136,6 +136,7 @@ def health(
         messages=messages,
         gaps=figures.gaps,
         lost=figures.lost,
+        numbered=figures.numbered,
         rejects=figures.rejects,
         rejects_by=dict(figures.rejects_by),
         unclaimed=figures.unclaimed,

@@ -234,6 +234,7 @@ class Ingest:
         for batch, time in zip(batches, times, strict=True):
             self._stats.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
             self.samples += len(batch)
+            self._stats.count_numbered(batch, self._traits.stream)
             self._unknown_payloads.batch(batch, time)
         self.samples += len(texts)  # a device that sends only sentences is live too
         if self._traits.protection is not None:
@@ -368,7 +369,9 @@ class Ingest:
                 self._reply(event)
         self._report_remapping()
         if rejects:
-            self._count_rejects(rejects)
+            if self._counts_rejects:
+                self._stats.rejected(reject.reason for reject in rejects)
+                self._events.rejects([reject for reject in rejects if reject.reason not in REPORTED_ONCE])
         if len(hosts):
             self._report_pauses(offsets, hosts)
             self._last_offset = int(offsets[-1])
@@ -401,11 +404,6 @@ class Ingest:
             self._events.report("clock", "warning", text, time=t1, span=(t0, t1), data={"kind": "pause"})
             ends.append(t1)
         return ends
-
-    def _count_rejects(self, rejects: list[RejectedFrame]) -> None:
-        if self._counts_rejects:
-            self._stats.rejected(reject.reason for reject in rejects)
-            self._events.rejects([reject for reject in rejects if reject.reason not in REPORTED_ONCE])
 
     def _report_remapping(self) -> None:
         """Report clock steps that only the mapping to host time detected. The decoder gets the time of some rows to

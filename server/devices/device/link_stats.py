@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
+from imuscope.protocols.events import Batch
+from imuscope.protocols.family.info import StreamTraits
 from imuscope.server.concurrency.rate_meter import RateMeter
 from imuscope.server.text.prometheus import Histogram
 from imuscope.server.wire import MessageHealth
@@ -25,6 +27,8 @@ class LinkStatistics:
         self.messages: dict[str, RateMeter] = {}
         self.gaps = 0
         self.lost = 0
+        self.numbered = 0  # samples received that counters number: lost ones are a share of these and themselves
+        self._numbered_at = -1  # first offset of the frames that were counted last
         self.rejects = 0
         self.rejects_by: Counter[str] = Counter()  # reason → count
         self.unclaimed = 0  # bytes that belong to no accepted frame and no known message
@@ -59,6 +63,12 @@ class LinkStatistics:
             meter = self.messages.setdefault(message, RateMeter())
         meter.add(count, now)
         self.last_sample = max(now, self.last_sample or now)
+
+    def count_numbered(self, batch: Batch, stream: StreamTraits) -> None:
+        """Count samples that the counter of their device numbers. Several batches of the same frames count once."""
+        if len(batch) and batch.offset[0] != self._numbered_at and stream.numbers(batch.message):
+            self._numbered_at = int(batch.offset[0])
+            self.numbered += len(batch)
 
     def rejected(self, reasons: Iterable[str]) -> None:
         """Count rejected frames by reason."""

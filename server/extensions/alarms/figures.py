@@ -14,10 +14,10 @@ Else its code is UNKNOWN, and `obstacle` says why and what to do.
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from imuscope.server import wire
+from imuscope.server.devices.device.losses import LossWindow
 from imuscope.server.extensions.alarms.definitions import HealthCondition
 from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN
 
@@ -54,7 +54,7 @@ class HealthJudge:
         self.subject = SUBJECTS[condition.figure]
         self.limit = math.nan if condition.figure == "link" else condition.limit
         self.obstacle = ""
-        self._counts: deque[tuple[float, int, Mapping[str, int]]] = deque()  # time, lost, received by message
+        self._losses = LossWindow(LOSS_S)
         self._known_since: float | None = None  # unix s: connected, and decoding has kept up since
 
     def judge(self, info: wire.DeviceInfo, health: wire.DeviceHealth | None, now: float) -> tuple[int, float]:
@@ -124,21 +124,11 @@ class HealthJudge:
         """Share of the samples of the last seconds that were lost, %; None if none arrived or was lost."""
         if info.status in ("connecting", "ended") or health is None or behind_words(health):
             self._known_since = None
-            self._counts.clear()
+            self._losses.clear()
             return None
-        received = {message.name: message.count for message in health.messages}
-        if not self._counts or health.time > self._counts[-1][0]:
-            if self._counts and _are_fewer(received, self._counts[-1][2]):
-                self._counts.clear()  # counted from 0 again: another session
-                self._known_since = None
-            self._counts.append((health.time, health.lost, received))
-        self._known_since = now if self._known_since is None else self._known_since
-        while len(self._counts) > 2 and self._counts[1][0] <= health.time - LOSS_S:
-            self._counts.popleft()
-        _, lost_before, before = self._counts[0]
-        lost = max(0, health.lost - lost_before)  # a false loss is taken back
-        arrived = max((count - before.get(name, 0) for name, count in received.items()), default=0)
-        return 100 * lost / (lost + arrived) if lost + arrived > 0 else None
+        if not self._losses.add(health) or self._known_since is None:
+            self._known_since = now
+        return None if (share := self._losses.share) is None else 100 * share
 
 
 def behind_words(health: wire.DeviceHealth | None) -> str:
@@ -146,7 +136,3 @@ def behind_words(health: wire.DeviceHealth | None) -> str:
     if health is None or health.behind.decoding <= BEHIND_S:
         return ""
     return f"Decoding is {health.behind.decoding:.3g} s behind the data received. Reduce the load of this computer."
-
-
-def _are_fewer(received: Mapping[str, int], before: Mapping[str, int]) -> bool:
-    return any(received.get(name, 0) < count for name, count in before.items())

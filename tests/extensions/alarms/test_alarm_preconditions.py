@@ -59,6 +59,7 @@ class Device:
             time=self.now,
             messages=messages,
             last_arrival=self.arrived,
+            numbered=sum(self.counts.values()),
             jitter_ms=None,
             **counted,
             **self.figures,

@@ -25,7 +25,7 @@ class Figures:
         """Rate and loss after these counts."""
         messages = [wire.MessageHealth(name, 0.0, count) for name, count in counts.items()]
         fields = (rate, messages, 0, lost, 0, 0, 0.0, None, None, None, None, None)
-        self.bus.health.publish({"1": wire.DeviceHealth("1", self.time, *fields)})
+        self.bus.health.publish({"1": wire.DeviceHealth("1", self.time, *fields, numbered=sum(counts.values()))})
         (device,) = self.figures.devices()
         return device.rate, device.loss
 

@@ -9,6 +9,7 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
   messages: [],
   gaps: 0,
   lost: 0,
+  numbered: 0,
   rejects: 0,
   unclaimed: 0,
   bytes: 0,

@@ -13,6 +13,7 @@ const health: DeviceHealth = {
   messages: [{ name: "MTData2", rate: 400, count: 4000 }],
   gaps: 3,
   lost: 90,
+  numbered: 4000,
   rejects: 2,
   unclaimed: 17,
   bytes: 1e6,

@@ -45,6 +45,7 @@ export function healthAt(
     gaps,
     lost,
     rejects,
+    numbered: NaN,
     unclaimed: NaN,
     bytes: NaN,
     bytes_per_s: NaN,

@@ -234,6 +234,8 @@ export interface DeviceHealth {
   readonly behind: Behind;
   /** cause of uneven arrival times; null while they are even */
   readonly jitter_cause: JitterCause | null;
+  /** samples received that counters number; lost ones are a share of both together */
+  readonly numbered: number;
 }
 
 /** Newest payload of a type without a description: a vendor-specific type, or one newer than the tables. */

@@ -14,6 +14,7 @@ import numpy as np
 
 from imuscope.server import wire
 from imuscope.server.devices.decode.protocol_set import device_counts_losses
+from imuscope.server.devices.device.losses import LossWindow
 from imuscope.server.extensions.fleet.model.reports import MAX_DEVICES, RobotDevice
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.channel_store import ChannelStore, StoredChannel
@@ -36,14 +37,15 @@ class DeviceFigures:
 
     def __init__(self, bus: TelemetryBus, store: ChannelStore) -> None:
         self._bus, self._store = bus, store
-        self._counts: dict[str, deque[tuple[float, Mapping[str, int], int]]] = {}  # device → time, received, lost
+        self._counts: dict[str, deque[tuple[float, Mapping[str, int]]]] = {}  # device → time, received
+        self._losses: dict[str, LossWindow] = {}
 
     def devices(self) -> tuple[RobotDevice, ...]:
         """All devices, as many as fit into a report."""
         now = self._bus.now()
         infos = list(self._bus.devices.latest.values())[:MAX_DEVICES]
         for gone in self._counts.keys() - {info.id for info in infos}:
-            del self._counts[gone]
+            del self._counts[gone], self._losses[gone]
         channels: dict[str, list[StoredChannel]] = {}
         for channel in self._store.all:
             channels.setdefault(channel.info.device, []).append(channel)
@@ -77,19 +79,20 @@ class DeviceFigures:
         """Rate of the fastest message of the last seconds, samples/s, and loss of the last minute."""
         now, counts = health.time, {message.name: message.count for message in health.messages}
         past = self._counts.setdefault(info.id, deque())
-        if past and (health.lost < past[-1][2] or any(counts.get(name, 0) < one for name, one in past[-1][1].items())):
+        losses = self._losses.setdefault(info.id, LossWindow(LOSS_S))
+        if not losses.add(health) or any(
+            counts.get(name, 0) < one for name, one in (past[-1][1] if past else {}).items()
+        ):
             past.clear()  # its session was reopened
         if not past or now > past[-1][0]:
-            past.append((now, counts, health.lost))
-        while len(past) > 1 and past[1][0] <= now - LOSS_S:
+            past.append((now, counts))
+        while len(past) > 1 and past[0][0] < now - RATE_S:
             past.popleft()
-        recent = next(one for one in past if one[0] >= now - RATE_S)
-        span = now - recent[0]
-        rate = _most(counts, recent[1]) / span if span > RATE_S / 2 else health.rate
+        span = now - past[0][0]
+        rate = _most(counts, past[0][1]) / span if span > RATE_S / 2 else health.rate
         if not health.lost and not device_counts_losses(info, {one.info.name for one in channels}):
             return rate, None
-        arrived, lost = _most(counts, past[0][1]), health.lost - past[0][2]
-        return rate, lost / (arrived + lost) if arrived + lost > 0 else 0.0
+        return rate, losses.share or 0.0
 
 
 def _most(counts: Mapping[str, int], before: Mapping[str, int]) -> int:
