@@ -368,10 +368,9 @@ class Ingest:
             else:
                 self._reply(event)
         self._report_remapping()
-        if rejects:
-            if self._counts_rejects:
-                self._stats.rejected(reject.reason for reject in rejects)
-                self._events.rejects([reject for reject in rejects if reject.reason not in REPORTED_ONCE])
+        if rejects and self._counts_rejects:
+            self._stats.rejected(reject.reason for reject in rejects)
+            self._events.rejects([reject for reject in rejects if reject.reason not in REPORTED_ONCE])
         if len(hosts):
             self._report_pauses(offsets, hosts)
             self._last_offset = int(offsets[-1])
