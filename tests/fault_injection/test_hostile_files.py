@@ -71,7 +71,7 @@ def test_hostile_files_harm_neither_the_server_nor_a_recording(tmp_path: Path) -
         hostile |= {f"given-{path.name}": path.read_bytes() for path in GIVEN.iterdir() if path.suffix != ".md"}
     source = "sim:xbus?rate=400&seed=1"
     server = ServerProcess(source, data=tmp_path / "data", arguments=("--record",), module=watched_server.__name__)
-    with server, httpx.Client(base_url=server.url, timeout=PATIENCE_S) as client:
+    with server, httpx.Client(base_url=server.url, timeout=3 * PATIENCE_S) as client:  # four wait for two processors
         assert (
             _upload(client, "warm.csv", b"time (s),x\n" + b"".join(b"%d,1\n" % n for n in range(100))).status_code
             == 201
