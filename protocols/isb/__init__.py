@@ -26,7 +26,7 @@
     streams.py           data sets that can stream
     bandwidth.py         bytes a second of streams
     settings_diff.py     values with the same meaning
-    baud_change.py       changes that would cut the line
+    config_effects.py    risks of a change: what would cut the line, side effects
     simulator/           simulated devices
 
 Source: Inertial Sense binary protocol document; inertial-sense-sdk 2.7.1.

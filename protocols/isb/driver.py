@@ -46,7 +46,6 @@ from imuscope.protocols.events import Event, Reply, Text
 from imuscope.protocols.isb import annotate as annotated
 from imuscope.protocols.isb import bandwidth as budget
 from imuscope.protocols.isb import frames, resuming, stream_discovery
-from imuscope.protocols.isb.baud_change import line_change
 from imuscope.protocols.isb.commands import (
     COMMAND_ROWS,
     DEV_INFO,
@@ -54,9 +53,9 @@ from imuscope.protocols.isb.commands import (
     SAVE_PERSISTENT,
     SYS_CMD,
 )
+from imuscope.protocols.isb.config_effects import alters, line_change, risks_of_change
 from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS
 from imuscope.protocols.isb.device_info import identity
-from imuscope.protocols.isb.effects import alters
 from imuscope.protocols.isb.encoder import (
     NMEA_NAMES,
     chosen,
@@ -71,7 +70,6 @@ from imuscope.protocols.isb.encoder import (
 from imuscope.protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
 from imuscope.protocols.isb.messages import COMMANDS, SET_PREFIX
 from imuscope.protocols.isb.settings_diff import SAVED, differences
-from imuscope.protocols.isb.settings_warnings import risks_of_change
 from imuscope.protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
 from imuscope.protocols.isb.stream_discovery import ListeningTimes, to_wire
 from imuscope.protocols.isb.stream_restore import undisturbed

@@ -2,7 +2,7 @@
 
 Two tasks per browser: one reads its requests, one sends from its queue. Sending waits only for the socket, and nothing
 else waits for it; messages that a socket accepts at once bypass this task (server/streaming/send_queue.py). A socket
-that does not accept a byte for `stuck_s` (server/services/timings.py) is closed. Progress is measured in the
+that does not accept a byte for `stuck_s` (server/services/services.py) is closed. Progress is measured in the
 transport's buffer, so that a very slow link is not taken for a dead one.
 """
 

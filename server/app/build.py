@@ -12,8 +12,7 @@ from imuscope.server.devices.link.sessions import OpenLink
 from imuscope.server.http.page_files import Files
 from imuscope.server.links.source_url import open_link
 from imuscope.server.services.extension import install_extensions
-from imuscope.server.services.services import build_services
-from imuscope.server.services.timings import ViewerTimings
+from imuscope.server.services.services import ViewerTimings, build_services
 from imuscope.server.settings.config import Config
 
 if TYPE_CHECKING:

@@ -24,8 +24,7 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS, ExportRequest, export
 from imuscope.recordings.system.parent_death import report_to_parent
 from imuscope.recordings.system.resource_limits import TooLong
-from imuscope.server.library.export_worker import request_of
-from imuscope.server.library.zip_download import one_file
+from imuscope.server.library.export_worker import one_file, request_of
 from imuscope.server.system.worker_process import begin
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)

@@ -8,8 +8,10 @@ and stem, of the zip if there are several files. The output are JSON lines: {"pr
 from __future__ import annotations
 
 import math
+import shutil
 import signal
-from collections.abc import Callable
+import zipfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -17,8 +19,22 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.exporters.request import ExportStep
 from imuscope.recordings.system.parent_death import report_to_parent
-from imuscope.server.library.zip_download import one_file
 from imuscope.server.system.worker_process import begin, progress_reports, reporting
+
+
+def one_file(files: Sequence[Path], folder: Path, stem: str) -> Path:
+    """The file, or a zip into which several files or folders are moved."""
+    if len(files) == 1 and files[0].is_file():
+        return files[0]
+    path = folder / f"{stem}.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for file in files:
+            for inner in sorted(file.rglob("*")) if file.is_dir() else [file]:
+                is_compressed = inner.suffix == ".parquet"  # has its own compression
+                way = zipfile.ZIP_STORED if is_compressed else zipfile.ZIP_DEFLATED
+                archive.write(inner, inner.relative_to(file.parent), way)
+            shutil.rmtree(file) if file.is_dir() else file.unlink()
+    return path
 
 
 def run(work: Callable[[dict[str, Any], ExportStep], list[Path]]) -> None:

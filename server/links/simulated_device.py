@@ -13,8 +13,7 @@ from typing import Any
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.ftdi_packets import PACKET
-from imuscope.server.links.simulated_line import LineFaults
+from imuscope.server.links.simulated_line import PACKET, LineFaults
 from imuscope.server.links.source_url import SourceUrl, bad
 
 JUMP_S = 10.0

@@ -43,10 +43,22 @@ from imuscope.server.links.base import LinkSettings, steady_clock
 from imuscope.server.links.simulated_device import default_sources
 from imuscope.server.services.capability_list import list_capabilities
 from imuscope.server.services.parts import Parts
-from imuscope.server.services.timings import ViewerTimings
 from imuscope.server.settings.config import SIMULATORS, Config
 from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
+
+
+@dataclass(frozen=True, slots=True)
+class ViewerTimings:
+    """Time limits, s.
+
+    Args:
+        stuck_s: a browser that accepts no byte for this long is disconnected.
+        scene_idle_s: a scene in viser without viewers is kept for this long; the process ends with its last scene.
+    """
+
+    stuck_s: float = 5.0
+    scene_idle_s: float = 15.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@
     tiles = "http://maps.local/{z}/{x}/{y}.png"
     attribution = "© OpenStreetMap contributors"
 
-    [store]  # recordings of many robots (server/extensions/fleet/model/store_settings.py)
+    [store]  # recordings of many robots (server/extensions/fleet/model/settings.py)
     url = "s3://bucket/prefix"
 
     [fleet]  # this robot on the page of many (server/extensions/fleet/model/fleet_settings.py)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from imuscope.protocols.idtp.frames import build as idtp_build
 from imuscope.protocols.isb.frames import build as isb_build
-from imuscope.server.links.ftdi_packets import FtdiPacketizer
-from imuscope.server.links.simulated_line import LineFaults, SimulatedLine, frames_of, misread_at
+from imuscope.server.links.simulated_line import FtdiPacketizer, LineFaults, SimulatedLine, frames_of, misread_at
 from tests.each_row import each_row
 from tests.links.link_fixtures import frame, xbus
 

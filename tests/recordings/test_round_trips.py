@@ -24,7 +24,7 @@ from imuscope.recordings.exporters.formats.csv_plotjuggler import channel_topics
 from imuscope.recordings.exporters.message_table import tables
 from imuscope.recordings.exporters.topics import fields_of, frame_of, schema_of
 from imuscope.recordings.mcap.writer import McapWriter
-from imuscope.server.library.zip_download import one_file
+from imuscope.server.library.export_worker import one_file
 from tests.each_row import each_row
 from tests.recordings.readers.bags import ros2_bag
 from tests.recordings.recorded_drive import START, drive

@@ -18,8 +18,7 @@ from imuscope.server.devices.link.sessions import OpenLink
 from imuscope.server.http import server as http_server
 from imuscope.server.http.connections import ConnectionLimits
 from imuscope.server.http.page_files import Files
-from imuscope.server.services.services import Services
-from imuscope.server.services.timings import ViewerTimings
+from imuscope.server.services.services import Services, ViewerTimings
 from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_rows import ChannelRows
 from tests.server.fakes import SPEECH, FakeLink

@@ -17,7 +17,7 @@ from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library import export_sizes
 from imuscope.server.library.decode import decode
-from imuscope.server.library.zip_download import one_file
+from imuscope.server.library.export_worker import one_file
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import START
 

@@ -20,7 +20,7 @@ from imuscope.recordings.library.library import Library
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.tables.table_source import TableSource
-from imuscope.server.library.zip_download import one_file
+from imuscope.server.library.export_worker import one_file
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.read_library import ReadLibrary

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from imuscope.protocols.commands.transactions import DeviceContext
-from imuscope.protocols.isb.baud_change import line_change
 from imuscope.protocols.isb.commands import COMMAND_ROWS
+from imuscope.protocols.isb.config_effects import line_change
 from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.server.commands import send
 from imuscope.server.configuration.change_plan import plan_command

@@ -15,7 +15,7 @@ from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from imuscope.server import wire
-from imuscope.server.services.timings import ViewerTimings
+from imuscope.server.services.services import ViewerTimings
 from imuscope.server.settings.config import Config
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry

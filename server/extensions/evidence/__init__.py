@@ -4,7 +4,7 @@
     series.py    samples, thinned ─────┼──> content.py ──> position.py: left out? ──> document.py ──> FILE.html
     settings, events, notes, versions ─┘                                               + server/page/evidence/viewer.js
 
-Figures are those of every sample (server/extensions/analysis). Times in notes lead to the plots (note_times.py). The
+Figures are those of every sample (server/extensions/analysis). Times in notes lead to the plots (document.py). The
 file is written in a subprocess (worker.py) as a job of server/library/export_jobs.py.
 """
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from imuscope.recordings.exporters import ExportRequest
-from imuscope.server.extensions.evidence.content import About
-from imuscope.server.extensions.evidence.plots import all_plots
+from imuscope.server.extensions.evidence.content import About, all_plots
 from imuscope.server.extensions.evidence.request import EvidenceRequest
 from imuscope.server.extensions.evidence.worker import write
 from imuscope.server.library.recording_detail import channels_of

@@ -17,7 +17,6 @@ The store needs `imuscope[fleet]`.
     results.py     answers as a table, CSV, JSON or Arrow
 
     keys.py, reports.py    the bus: its keys, and the messages published under them
-    unknown_fields.py      fields and words of a newer robot
     bus.py, access.py      sessions of Zenoh, and the access rules of the router
     publisher.py           a robot's side (`--fleet`); device_figures.py and active_alarms.py are in its reports
     device_settings.py     settings of a device and their digest; known_settings.py has those of this robot

@@ -13,7 +13,7 @@ import pytest
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.server.extensions.evidence.content import About
-from imuscope.server.extensions.evidence.note_times import pieces_of
+from imuscope.server.extensions.evidence.document import pieces_of
 from imuscope.server.extensions.evidence.position import REDACTED, Scrubber
 from imuscope.server.extensions.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
 from imuscope.server.extensions.evidence.routes import evidence_work

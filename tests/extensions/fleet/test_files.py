@@ -7,9 +7,9 @@ from pathlib import Path
 import pyarrow as pa
 from deltalake import DeltaTable, write_deltalake
 
+from imuscope.server.extensions.fleet.query.query import files_of
 from imuscope.server.extensions.fleet.store.delta_dataset import dataset_of
 from imuscope.server.extensions.fleet.store.delta_tables import open_table
-from imuscope.server.extensions.fleet.store.parquet_files import files_of
 from imuscope.server.extensions.fleet.store.store import StoreLocation, location
 from imuscope.server.extensions.fleet.store.tables import DEVICES, RECORDINGS, SAMPLES, TABLES
 from tests.each_row import each_row

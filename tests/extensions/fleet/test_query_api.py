@@ -18,8 +18,7 @@ import pytest
 from deltalake import DeltaTable
 
 from imuscope.server.devices.decode.decode_options import DecodeOptions
-from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables, StoreSettings
 from imuscope.server.extensions.fleet.query.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.store.store import location
 from imuscope.server.extensions.fleet.store.tables import TABLES

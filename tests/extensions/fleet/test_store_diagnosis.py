@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables, StoreSettings
 from imuscope.server.extensions.fleet.robot import diagnosis
 from imuscope.server.settings.config import Config
 

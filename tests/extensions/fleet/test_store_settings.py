@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables, StoreSettings
 from imuscope.server.settings.config import ConfigError, load
 from tests.each_row import each_row
 from tests.extensions.fleet.store_fixtures import Commands

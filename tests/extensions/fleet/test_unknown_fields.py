@@ -12,16 +12,18 @@ from hypothesis import strategies as st
 from imuscope.server.extensions.fleet.model import keys
 from imuscope.server.extensions.fleet.model.journal import Journal
 from imuscope.server.extensions.fleet.model.reports import (
+    MAX_MORE,
+    MAX_TEXT,
     JournalAnswer,
     ReportError,
     RobotStatus,
     decode_journal,
     decode_report,
     encode,
+    unknown_parts,
 )
 from imuscope.server.extensions.fleet.model.robots import Robots
 from imuscope.server.extensions.fleet.model.summaries import FleetRobots
-from imuscope.server.extensions.fleet.model.unknown_fields import MAX_MORE, MAX_TEXT, unknown_parts
 from imuscope.server.extensions.fleet.server.collector import Collector
 from tests.each_row import each_row
 

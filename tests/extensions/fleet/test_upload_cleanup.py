@@ -12,7 +12,7 @@ from imuscope.recordings import sidecar
 from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.sidecar import Edits
-from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.model.settings import StoreSettings
 from imuscope.server.extensions.fleet.upload.upload_log import UploadLog, UploadOutcome
 from imuscope.server.extensions.fleet.upload.uploads import DAY_S, edits_of, next_to_go
 from imuscope.server.settings.config import ConfigError, load

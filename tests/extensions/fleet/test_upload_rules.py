@@ -11,8 +11,7 @@ import pytest
 from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.library.recording_probe import RecordingProbe
 from imuscope.recordings.sidecar import Edits
-from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables, StoreSettings
 from imuscope.server.extensions.fleet.upload.uploads import pause_until, refusal
 from imuscope.server.settings.config import ConfigError, load
 from tests.each_row import each_row

@@ -16,8 +16,7 @@ import pytest
 
 from imuscope.recordings import sidecar
 from imuscope.server.extensions.fleet.model.fleet_settings import FleetSettings
-from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables, StoreSettings
 from imuscope.server.extensions.fleet.upload import uploads
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.foreign_files import MODULE as FILES

@@ -22,7 +22,7 @@ from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, e
 from imuscope.recordings.exporters.topics import stamps
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.extensions.ros2.axes import FLIP
-from imuscope.server.library.zip_download import one_file
+from imuscope.server.library.export_worker import one_file
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row
 from tests.recordings.recorded_drive import START, drive

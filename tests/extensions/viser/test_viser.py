@@ -16,7 +16,7 @@ import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from imuscope.server.extensions.viser.service import MODULE, Viser
-from imuscope.server.services.timings import ViewerTimings
+from imuscope.server.services.services import ViewerTimings
 from imuscope.server.settings.config import Config
 from tests.forked_workers import workers_of
 from tests.server.fakes import FakeLink

@@ -10,7 +10,7 @@ others of their device, but never themselves: what a signal publishes reaches th
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from imuscope.server.errors import DomainError, unknown_device
 from imuscope.server.extensions.analysis.expressions.channel_rates import ChannelRates, have_changed
+from imuscope.server.extensions.analysis.expressions.expression_syntax import ExpressionError, parse
+from imuscope.server.extensions.analysis.expressions.expressions import names_in
 from imuscope.server.extensions.analysis.expressions.live_expression import LiveExpression
 from imuscope.server.extensions.analysis.expressions.live_streams import Piece
-from imuscope.server.extensions.analysis.expressions.signal_order import cycle_of, used_by
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
 from imuscope.server.library.signal_definitions import SignalDefinition, SignalDefinitions
 from imuscope.server.services.parts import ServicePart
@@ -32,6 +33,7 @@ from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
 
 if TYPE_CHECKING:
     from imuscope.server.services.services import Services
+
 
 log = logging.getLogger("imuscope.signals")
 
@@ -300,3 +302,37 @@ def signals_part(services: Services) -> ServicePart:
     definitions, telemetry = services.recorder.signals, services.telemetry
     assert definitions is not None  # that of a server has them
     return ServicePart("computed signals", DerivedChannels(telemetry.bus, telemetry.store, definitions))
+
+
+def used_by(definition: SignalDefinition, names: Sequence[str]) -> list[str]:
+    """Those of the names of computed signals that an expression uses; none if it has a mistake."""
+    try:
+        named = {one.name.partition(".")[0] for one in names_in(parse(definition.expression))}
+    except ExpressionError:
+        return []
+    return [name for name in names if name in named]
+
+
+def in_order(definitions: Sequence[SignalDefinition]) -> list[SignalDefinition]:
+    """The definitions, each after those that it uses; those of a cycle come last, as given."""
+    names = [one.name for one in definitions]
+    waiting = {one.name: (one, {*used_by(one, names)}) for one in definitions}
+    ordered: list[SignalDefinition] = []
+    while ready := [name for name, (_, uses) in waiting.items() if uses.isdisjoint(waiting)]:
+        ordered += [waiting.pop(name)[0] for name in ready]
+    return ordered + [one for one, _ in waiting.values()]
+
+
+def cycle_of(definition: SignalDefinition, others: Sequence[SignalDefinition]) -> list[str]:
+    """Names from a definition back to itself, along what each uses; empty if there is no such way."""
+    known = {one.name: one for one in others} | {definition.name: definition}
+    ways = [[definition.name]]
+    visited: set[str] = set()
+    for way in ways:  # grows while it is walked: the shortest way comes first
+        for name in used_by(known[way[-1]], list(known)):
+            if name == definition.name:
+                return [*way, name]
+            if name not in visited:
+                visited.add(name)
+                ways.append([*way, name])
+    return []

@@ -17,9 +17,8 @@ import numpy as np
 
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.expressions.derived_channels import channel_of
+from imuscope.server.extensions.analysis.expressions.derived_channels import channel_of, in_order
 from imuscope.server.extensions.analysis.expressions.expression_functions import Context
-from imuscope.server.extensions.analysis.expressions.signal_order import in_order
 from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, expression_over
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
 from imuscope.server.extensions.analysis.signals.signals import Floats, SignalColumn, recorded_samples

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from imuscope.server.extensions.alarms.service import AlarmService
 from imuscope.server.extensions.fleet.model.device_figures import clipped
-from imuscope.server.extensions.fleet.model.reports import ReportedAlarm
-from imuscope.server.extensions.fleet.model.unknown_fields import AlarmRaisedState
+from imuscope.server.extensions.fleet.model.reports import AlarmRaisedState, ReportedAlarm
 
 
 def active_alarms(alarms: AlarmService) -> list[ReportedAlarm]:

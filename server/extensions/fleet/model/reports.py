@@ -3,25 +3,80 @@
     report      a map: version, boot, number, time, status, events, dropped
     journal     the answer of a robot to the query of its journal: a map with reports in order of their numbers
 
-docs/fleet.md is the specification. Version 1 can grow: a kind, a level or a state is any short word, and fields that
-this version does not know are kept as text where a page shows them (unknown_fields.py). A field that is missing has its
-default. A value of another shape, or beyond a limit, makes the whole report invalid: `decode_report` raises
-ReportError and nothing else, for any bytes.
+docs/fleet.md is the specification. Version 1 can grow: a kind, a level or a state is any short word, and fields of the
+status and of devices that this version does not know are kept as text, up to MAX_MORE of each, and counted; further
+fields of events and alarms are ignored. A field that is missing has its default. A value of another shape, or beyond a
+limit, makes the whole report invalid: `decode_report` raises ReportError and nothing else, for any bytes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import msgspec
 from msgspec import Meta
 from pydantic import Field
 
-from imuscope.server.extensions.fleet.model.unknown_fields import MAX_MORE, with_further_fields
+from imuscope.server import wire
+from imuscope.server.text.printable import json_text, printable
+
+AlarmRaisedState = Literal["raised", "acknowledged", "missing"]
+MAX_MORE = 16
+MAX_TEXT = 100
+PARTS = ("kind", "level", "state", "status", "field")
+"""Of a report, in which something can be unknown."""
+_KNOWN: Mapping[str, frozenset[str]] = {
+    "kind": frozenset(get_args(wire.EventKind)),
+    "level": frozenset(get_args(wire.Level)),
+    "state": frozenset(get_args(AlarmRaisedState)),
+    "status": frozenset(get_args(wire.DeviceStatus)),
+}
+
+
+def with_further_fields(more: Mapping[str, str], raw: Mapping[Any, Any], known: Collection[str]) -> dict[str, str]:
+    """`more` and the fields of a map that are not known, as text, as many as are kept."""
+    if all(name in known for name in raw):
+        return dict(more)
+    fields = dict(more)
+    for name, value in raw.items():
+        if isinstance(name, str) and name not in known and len(fields) < MAX_MORE:
+            fields[_short(printable(name))] = _text(value)
+    return fields
+
+
+def unknown_parts(report: RobotReport) -> Counter[str]:
+    """Number of words and fields of a report that this version does not know, by part."""
+    counts: Counter[str] = Counter()
+    for event in report.events:
+        counts["kind"] += event.kind not in _KNOWN["kind"]
+        counts["level"] += event.level not in _KNOWN["level"]
+    if report.status is not None:
+        counts["field"] += len(report.status.more)
+        for alarm in report.status.alarms:
+            counts["level"] += alarm.level not in _KNOWN["level"]
+            counts["state"] += alarm.state not in _KNOWN["state"]
+        for device in report.status.devices:
+            counts["status"] += device.status not in _KNOWN["status"]
+            counts["field"] += len(device.more)
+    return +counts
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return _short(printable(value))
+    if isinstance(value, float):
+        return f"{value:.6g}" if math.isfinite(value) else "—"
+    return _short(json_text(value, default=lambda _: "…"))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MAX_TEXT else text[: MAX_TEXT - 1] + "…"
+
 
 VERSION: Literal[1] = 1
 MAX_REPORT = 65_536  # bytes

@@ -1,6 +1,6 @@
 """SQL over the tables of a store, by DuckDB: read-only, with limits of memory and time, and cancellable.
 
-Each table is a view over the Parquet files that its Delta log names: DuckDB reads them itself (parquet_files.py) or
+Each table is a view over the Parquet files that its Delta log names: DuckDB reads them itself (`files_of`) or
 from an Arrow dataset (delta_dataset.py). It requests the columns and rows that a
 question needs; nothing is copied into a database. SQL has no access to files, the network or DuckDB's settings.
 """
@@ -19,12 +19,78 @@ from typing import Any
 import duckdb
 import pyarrow as pa
 import pyarrow.dataset as ds
+from deltalake import DeltaTable
 
 from imuscope.server.extensions.fleet.store.delta_dataset import check_readable, dataset_of
 from imuscope.server.extensions.fleet.store.delta_tables import open_table
-from imuscope.server.extensions.fleet.store.parquet_files import ParquetFiles, allow, files_of, identifier, quoted
 from imuscope.server.extensions.fleet.store.store import StoreError, StoreLocation, storage_errors, store_error
 from imuscope.server.extensions.fleet.store.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
+
+_PLAIN_FILE = re.compile(r"date=\d{4}-\d\d-\d\d/[\w.-]+")
+_MEANT_OTHERWISE = re.compile(r"[*?\[\]{}=%]")
+"""In the path of a folder: DuckDB takes these for patterns, or for a partition."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParquetFiles:
+    """Files of a table.
+
+    Args:
+        paths: of the files that the log names; none of them is a pattern.
+        differ: whether a column may be missing in one of them.
+    """
+
+    paths: tuple[str, ...]
+    differ: bool
+
+    @property
+    def sql(self) -> str:
+        """The table function that reads them; a column that a file does not have is NULL."""
+        paths = ", ".join(quoted(path) for path in self.paths)
+        union = str(self.differ).lower()
+        return f"read_parquet([{paths}], hive_partitioning=true, hive_types={{'date': DATE}}, union_by_name={union})"
+
+
+def files_of(store: StoreLocation, table: DeltaTable, kind: StoreTable) -> ParquetFiles | None:
+    """The files of a table; None where they are to be read as a dataset.
+
+    DuckDB's own reader is several times as quick as an Arrow dataset: it decodes on all cores, and sorts and joins pass
+    on to it which rows they still want. It opens every file for its statistics, so `samples`, with a file for each
+    robot and day, is read as a dataset instead, which knows from the log what to leave closed (delta_dataset.py); so
+    are tables in a cloud.
+    """
+    if store.folder is None or kind.partitions != ("date",):
+        return None
+    folder = str(store.folder.resolve() / "tables" / kind.name)
+    actions = pa.table(table.get_add_actions(flatten=True))
+    names: list[str] = actions.column("path").to_pylist()
+    if _MEANT_OTHERWISE.search(folder) or not names or not all(_PLAIN_FILE.fullmatch(name) for name in names):
+        return None
+    return ParquetFiles(tuple(f"{folder}/{name}" for name in names), _may_differ(table, kind, actions))
+
+
+def _may_differ(table: DeltaTable, kind: StoreTable, actions: pa.Table) -> bool:
+    """Whether a file may lack a column: the log does not count its values."""
+    stored = {field.name for field in table.schema().fields} - set(kind.partitions)
+    counts = {f"null_count.{name}" for name in stored}
+    return any(name not in actions.column_names or actions.column(name).null_count for name in counts)
+
+
+def allow(connection: duckdb.DuckDBPyConnection, files: list[ParquetFiles]) -> None:
+    """Leave these files open to a question after `enable_external_access` is off."""
+    paths = ", ".join(quoted(path) for one in files for path in one.paths)
+    connection.execute(f"SET allowed_paths = [{paths}]")
+
+
+def quoted(text: str) -> str:
+    """A text as SQL has it."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def identifier(name: str) -> str:
+    """A name as SQL has it, whatever it holds."""
+    return '"' + name.replace('"', '""') + '"'
+
 
 BATCH_ROWS = 1 << 16
 AGAIN_S = 0.05

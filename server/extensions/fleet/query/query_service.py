@@ -22,8 +22,7 @@ from typing import Any
 
 from imuscope.server.concurrency.fair_queue import FairQueue, QueueFullError, Turn
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.store_settings import StoreSettings
+from imuscope.server.extensions.fleet.model.settings import FleetTables, StoreSettings
 from imuscope.server.services.parts import ServicePart
 from imuscope.server.services.services import Services
 from imuscope.server.system.workers import Worker

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from imuscope.server.commands.file_arguments import add_table
 from imuscope.server.commands.page_arguments import add_page_address
-from imuscope.server.extensions.fleet.model.store_settings import STORE_FORMS
+from imuscope.server.extensions.fleet.model.settings import STORE_FORMS
 from imuscope.server.extensions.fleet.query.prepared_queries import QUESTIONS
 
 

@@ -24,10 +24,9 @@ from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.model import keys
 from imuscope.server.extensions.fleet.model.bus import FleetBusError, open_bus
-from imuscope.server.extensions.fleet.model.reports import MAX_JOURNAL, ReportError
+from imuscope.server.extensions.fleet.model.reports import MAX_JOURNAL, PARTS, ReportError
 from imuscope.server.extensions.fleet.model.robots import Robots
 from imuscope.server.extensions.fleet.model.summaries import RobotSummary
-from imuscope.server.extensions.fleet.model.unknown_fields import PARTS
 from imuscope.server.extensions.fleet.query.database import FleetDatabase, FleetDatabaseError
 from imuscope.server.extensions.fleet.rollouts.group_profiles import GroupProfiles
 from imuscope.server.extensions.fleet.rollouts.rollout_steps import RolloutTiming

@@ -23,8 +23,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from imuscope.recordings.errors import ExplainedError
-from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.store_settings import STORE_FORMS
+from imuscope.server.extensions.fleet.model.settings import STORE_FORMS, FleetTables
 from imuscope.server.extensions.fleet.tunnel.bandwidth_proxy import LimitedLine
 from imuscope.server.settings.config import Config
 

@@ -29,8 +29,7 @@ from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.system import file_lock
 from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.concurrency.tasks import end_tasks
-from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.store_settings import StoreSettings, hours_of
+from imuscope.server.extensions.fleet.model.settings import FleetTables, StoreSettings, hours_of
 from imuscope.server.extensions.fleet.robot.robot_settings import robot_name
 from imuscope.server.extensions.fleet.upload.upload_log import UploadLog, UploadOutcome
 from imuscope.server.library.catalogue import Catalogue

@@ -169,7 +169,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
 
 /*
  * Times in a text: `[14:32:18.500]`, a range `[14:32:18 – 14:32:20.5]`, with the day `[2026-11-21 14:32:18]` where a recording lasts
- * longer than one. In UTC, as everywhere on the page. Pure; server/extensions/evidence/note_times.py reads the same.
+ * longer than one. In UTC, as everywhere on the page. Pure; server/extensions/evidence/document.py reads the same.
  */
 
 interface Piece {
