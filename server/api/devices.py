@@ -126,7 +126,7 @@ async def read_device(body: DecodeOptionsBody, services: TheServices, session: O
     """
     check_protocol(body.protocol, services)
     reading = await asyncio.to_thread(body.reading)  # a schema of 64 kB takes longer than the loop may be held
-    await session.read_as(changed(session.reading, reading, body.option_names))
+    await session.read_as(changed(session.decode_options, reading, body.option_names))
     return session.info
 
 

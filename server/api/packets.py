@@ -69,7 +69,7 @@ async def live_frames(
         words = f"The bytes from then are no longer in memory, which reaches back {(span[1] - span[0]) / 1e9:.0f} s."
         raise DomainError("not-found", words, "bytes_mb in the configuration makes it longer; a recording has all.")
     family = required_family(session.info.protocol)
-    settings = session.reading.settings(family.name)
+    settings = session.decode_options.settings(family.name)
     read = live_bytes(link, session.access.link.preamble)
     view = await asyncio.to_thread(
         packets_around,

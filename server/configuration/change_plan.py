@@ -223,7 +223,7 @@ def risks_of_bytes(controller: DeviceController, data: bytes) -> list[Risk]:
 def _messages_of(controller: DeviceController, data: bytes) -> list[str]:
     """Commands that bytes consist of; none if a part of them is not a whole message."""
     family = PROTOCOLS[controller.member.info.protocol]
-    listing = family.frames.listing(**controller.member.link_session.reading.settings(family.name))
+    listing = family.frames.listing(**controller.member.link_session.decode_options.settings(family.name))
     listing.feed(data)
     lines = listing.drain(stalled=True)
     if any("reject" in line for line in lines) or sum(line["size"] for line in lines) != len(data):

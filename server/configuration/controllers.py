@@ -43,7 +43,7 @@ def decode(protocol: str, frame: bytes, member: LinkMember) -> Mapping[str, Any]
     row = PROTOCOLS.get(protocol)
     if row is None:
         return None
-    listing = row.frames.listing(**member.link_session.reading.settings(row.name))
+    listing = row.frames.listing(**member.link_session.decode_options.settings(row.name))
     listing.feed(frame)
     return next((line for line in listing.drain(stalled=True) if "reject" not in line), None)
 

@@ -191,7 +191,7 @@ class DeviceController:
             firmware=info.firmware or self.firmware,
             baud=self.member.access.baud,
             device=info.serial_number if _is_named(info.protocol) else "" if address is None else str(address),
-            settings=self.member.link_session.reading.settings(info.protocol),
+            settings=self.member.link_session.decode_options.settings(info.protocol),
             at_rest=self.at_rest,
             sample_s=self._sample_s,
         )

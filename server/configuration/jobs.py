@@ -415,7 +415,7 @@ class Jobs:
         member = controller.member
         if member.info.protocol != record.protocol:
             link = member.link_session
-            await link.read_as(replace(link.reading, protocol=record.protocol))
+            await link.read_as(replace(link.decode_options, protocol=record.protocol))
         rollback = RollbackRun(running, self._rollbacks, record, self._timings)
         if record.state == "unreachable":
             rollback.show("unreachable", "The device could not be reached when this server last ran.")

@@ -215,7 +215,7 @@ class _Device:
 
     def _store_clocks(self) -> None:
         for sender in self.devices.all:
-            clock = sender.intake.clock if sender.intake is not None else None
+            clock = sender.ingest.clock if sender.ingest is not None else None
             if clock is not None and clock.uncertainty_ns < float("inf"):
                 device = sender.state.info.id
                 drift = clock.drift_ppm if clock.knows_drift else float("nan")

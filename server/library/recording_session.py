@@ -140,7 +140,7 @@ class RecordingSession:
         device, writer = session.info.id, self.writer
         self._sessions[device] = session
         self._recorded[device] = None
-        writer.device(device, {**about(session.info), **session.reading.recorded})
+        writer.device(device, {**about(session.info), **session.decode_options.recorded})
 
         described = False
 
@@ -355,7 +355,7 @@ class RecordingSession:
 
     def _device(self, info: wire.DeviceInfo) -> None:
         if info.id in self._unsubscribe_traffic:
-            self.writer.device(info.id, {**about(info), **self._sessions[info.id].reading.recorded})
+            self.writer.device(info.id, {**about(info), **self._sessions[info.id].decode_options.recorded})
             self._request_header(info)
         if info.id.partition(".")[0] in self._unsubscribe_traffic:
             self._computed_signals(info)

@@ -352,7 +352,7 @@ async def test_a_key_given_later_keeps_the_device_its_history_and_its_place() ->
         before = stage.health.unverified
         assert before
         kept = len(unverified["Quaternion?"].ring)
-        await stage.session.read_as(stage.session.reading.replaced({"key": KEY.hex()}))
+        await stage.session.read_as(stage.session.decode_options.replaced({"key": KEY.hex()}))
         assert stage.info.id == "1"
         await stage.run(device, 2)
         assert (stage.info.status, stage.info.protection) == ("live", "Secure, verified")

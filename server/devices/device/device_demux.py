@@ -90,7 +90,7 @@ class LinkDevice:
         self.unknown_payloads = UnknownPayloadTracker(
             device, sink.archive.keep_payloads if sink.archive is not None else None
         )
-        self.intake: Ingest | None = None
+        self.ingest: Ingest | None = None
         self.last_sample_at = 0.0  # unix s of the last sample
         self.quiet_reason: QuietReason | None = None
         self._silence = SilenceWatchdog(SILENT_S, SILENT_S)
@@ -101,7 +101,7 @@ class LinkDevice:
         text = f"Another sensor is here: {self.state.info.name} {now}, in place of {before}."
         self.events.report("link", "warning", text, data={"kind": "replaced", "before": before, "now": now})
 
-    def listen(self, samples: int, now: float) -> None:
+    def count_samples(self, samples: int, now: float) -> None:
         """Count samples of the device."""
         if samples:
             self._silence.note_chunk(now, self.last_sample_at or None)
@@ -126,8 +126,8 @@ class LinkDevice:
             next_attempt=None,
             last_arrival=self.stats.last_arrival,
         )
-        if self.intake is not None:
-            self.intake.samples = 0  # the next sample makes it live again
+        if self.ingest is not None:
+            self.ingest.samples = 0  # the next sample makes it live again
         return True
 
     def silence(self, now: float) -> float:
@@ -286,8 +286,8 @@ class LinkDevices:
         sender.events.report("link", "error", text, data={"kind": "silent"})
         last = sender.stats.last_arrival
         sender.state.set(status="lost", message=text, hint=hint, next_attempt=None, last_arrival=last)
-        if sender.intake is not None:
-            sender.intake.samples = 0  # the next sample makes it live again
+        if sender.ingest is not None:
+            sender.ingest.samples = 0  # the next sample makes it live again
 
     def health_of_all(self, now: float, capacity: float | None) -> list[wire.DeviceHealth]:
         """The figures of every device of the link for the page, its own first. Rejects are those of the link, because
@@ -295,8 +295,8 @@ class LinkDevices:
         """
         reports = []
         for sender in self.all:
-            clock = sender.intake.clock if sender.intake is not None else None
-            cause = sender.intake.jitter_cause(now) if sender.intake is not None else None
+            clock = sender.ingest.clock if sender.ingest is not None else None
+            cause = sender.ingest.jitter_cause(now) if sender.ingest is not None else None
             reports.append(health(sender.state.info.id, sender.stats, clock, capacity, now, cause))
         for one in reports[1:]:
             one.rejects, one.rejects_by = reports[0].rejects, reports[0].rejects_by
@@ -350,8 +350,8 @@ class LinkDecoder:
         self._end = 0
         self._boundaries = ChunkBoundaries()
         for sender in senders.all:
-            sender.intake = None  # a new connection has new clocks
-        self._own = self._intake(senders.own)
+            sender.ingest = None  # a new connection has new clocks
+        self._own = self._new_ingest(senders.own)
 
     @property
     def buffered(self) -> int:
@@ -459,12 +459,12 @@ class LinkDecoder:
                 self._ingest(sender, sorted([*part, *rejected], key=_offset) if rejected else part)
 
     def _ingest(self, sender: LinkDevice, events: list[Event]) -> None:
-        intake = sender.intake or self._intake(sender)
-        before = intake.samples
-        intake.ingest(events)
+        ingest = sender.ingest or self._new_ingest(sender)
+        before = ingest.samples
+        ingest.ingest(events)
         now = self._sink.now()
-        new = intake.samples - before
-        sender.listen(new, now)
+        new = ingest.samples - before
+        sender.count_samples(new, now)
         if sender is self._devices.own or not new:
             return
         sender.stats.last_arrival = now
@@ -473,8 +473,8 @@ class LinkDecoder:
             sender.state.set(status="live", is_open=True, **NOT_QUIET, last_arrival=now)
             sender.events.report("link", "info", f"{sender.state.info.name} is back.", data={"kind": "back"})
 
-    def _intake(self, sender: LinkDevice) -> Ingest:
-        sender.intake = Ingest(
+    def _new_ingest(self, sender: LinkDevice) -> Ingest:
+        sender.ingest = Ingest(
             self._sink,
             figures=sender.stats,
             channels=sender.channels,
@@ -486,7 +486,7 @@ class LinkDecoder:
             about=self._traits,
             counts_rejects=sender is self._devices.own,
         )
-        return sender.intake
+        return sender.ingest
 
 
 def _offset(event: Event) -> int:

@@ -146,7 +146,7 @@ class Session:
         return self._state.info
 
     @property
-    def reading(self) -> DecodeOptions:
+    def decode_options(self) -> DecodeOptions:
         """Decode options of the device."""
         return self._pipeline.options
 
@@ -212,7 +212,9 @@ class Session:
 
         A simulator has the key of its source, so it is restarted; any other link stays open.
         """
-        rekeyed = self._task is not None and self._link.kind == "simulator" and reading.secrets != self.reading.secrets
+        rekeyed = (
+            self._task is not None and self._link.kind == "simulator" and reading.secrets != self.decode_options.secrets
+        )
         if rekeyed:
             await self._stop_reading()
             await self._link.close()
@@ -311,12 +313,12 @@ class Session:
     # ── data ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _on_chunks(self, chunks: list[Chunk]) -> None:
-        self._archive(chunks)
+        self._receive(chunks)
         self._scheduler.request()
         if self._silence.suppressed and self._pipeline.stream is not None:
             self.drain()  # a job waits for an answer, and there are few other bytes
 
-    def _archive(self, chunks: list[Chunk]) -> None:
+    def _receive(self, chunks: list[Chunk]) -> None:
         arrivals = [chunk.arrival_ns / 1e9 for chunk in chunks]
         self._silence.note_chunks(arrivals, self._stats.last_arrival)
         self._stats.count_chunks([len(chunk.data) for chunk in chunks], arrivals)
@@ -333,7 +335,7 @@ class Session:
             chunks = self._link.read_now(self._scheduler.interval_ns)
             if chunks:
                 self._scheduler.request()
-                self._archive(chunks)
+                self._receive(chunks)
         if pipeline.is_due or final:
             self._decode(final=final)
             pipeline.end_slice()
@@ -356,8 +358,8 @@ class Session:
             text = "An internal error stopped the decoder of this device; it was restarted. The log has details."
             self._reporter.report("device", "error", text)
             pipeline.stream = None
-            if self.reading.protocol:
-                pipeline.begin(self.reading.protocol)
+            if self.decode_options.protocol:
+                pipeline.begin(self.decode_options.protocol)
 
     def _on_live(self) -> None:
         self._connection.apply(ConnectionEvent.DECODED)
@@ -401,7 +403,7 @@ class Session:
 
     def _on_contradiction(self, option: str, doubt: Doubt) -> None:
         """Use another value of an option if arrival times indicate it and the user has not set one."""
-        is_configured = option in self.reading.values
+        is_configured = option in self.decode_options.values
         if self._diagnostics.on_contradiction(option, doubt, is_configured=is_configured) and not is_configured:
             self._pipeline.set_option(option, doubt.value)
         self._set(notices=self._notices)

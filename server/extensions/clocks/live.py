@@ -42,7 +42,7 @@ class LiveClocks:
                     "device": info.id,
                     "protocol": info.protocol,
                     "identity": {key: str(value) for key, value in about(info).items()},
-                    "options": dict(session.reading.values),
+                    "options": dict(session.decode_options.values),
                 }
                 await self._work(request)
                 return await asyncio.to_thread((folder / RESULT).read_bytes)
