@@ -55,9 +55,8 @@ from imuscope.recordings.sources import ChunkBlock, FileDamage, Source, SourceDe
 from imuscope.recordings.system.regular_file import open_regular, read_regular, readable_name
 from imuscope.recordings.tables.clocks.axis import LAST_CHANGE, NAME, period_start
 from imuscope.recordings.tables.dates import dated_name
-from imuscope.recordings.tables.file_reading import over
 from imuscope.recordings.tables.format import has_rows
-from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.options import TableOptions, over
 from imuscope.recordings.tables.table_source import CsvSource
 
 GUESS_BYTES = 1 << 16
