@@ -3,7 +3,7 @@
     20261121T044324Z-MTi-630.mcap
     20261121T044324Z-MTi-630.mcap.json    {"imuscope": 1, "title": …, "tags": […], "notes": …, "pinned": …,
                                            "markers": [{"id", "time", "kind", "text", "device"}],
-                                           "reading": {…}}  how it is read (recordings/tables/file_reading.py)
+                                           "reading": {…}}  how it is read (recordings/tables/options.py)
 
 Anything not in it stays as in the recording: in the metadata `edit` of an MCAP file, with the same fields as strings
 (lists as JSON), so that a download carries them to another imuscope; a CSV file has them in a comment line. The sidecar
@@ -27,7 +27,7 @@ from imuscope.recordings.errors import RecordingError, check_format_version
 from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import open_regular, read_regular
 from imuscope.recordings.system.tolerant_json import loads
-from imuscope.recordings.tables.file_reading import FileReading, reading_from
+from imuscope.recordings.tables.options import FileReading, reading_from
 
 SUFFIX = ".json"
 VERSION = 1

@@ -22,10 +22,26 @@ from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver
 from imuscope.protocols.events import Batch, Decoder, Reply
 from imuscope.protocols.family.decode_options import DecodeOption, settings_of
 from imuscope.protocols.family.sensor_properties import SensorProperties
-from imuscope.protocols.family.support_tables import SupportTable
 from imuscope.protocols.framing.stream_buffer import Scan
 from imuscope.protocols.schema.fields import Message
 from imuscope.protocols.simulator.family import SimulatorInfo
+
+
+@dataclass(frozen=True, slots=True)
+class SupportTable:
+    """One table.
+
+    Args:
+        title: its heading.
+        about: a sentence or two before it; `code` stands between backquotes.
+        head: titles of the columns.
+        rows: as many cells each.
+    """
+
+    title: str
+    about: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 class FrameLister(Protocol):

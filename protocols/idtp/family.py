@@ -18,8 +18,8 @@ from imuscope.protocols.family.info import (
     PayloadDefinition,
     ProtocolInfo,
     StreamTraits,
+    SupportTable,
 )
-from imuscope.protocols.family.support_tables import SupportTable
 from imuscope.protocols.idtp.commands import DATA, HEADER, reading_fields
 from imuscope.protocols.idtp.custom_payloads import TEMPLATE
 from imuscope.protocols.idtp.decoder import IdtpDecoder

@@ -25,7 +25,6 @@
     stream_discovery.py  which data sets stream, and how often
     streams.py           data sets that can stream
     bandwidth.py         bytes a second of streams
-    settings_diff.py     values with the same meaning
     config_effects.py    risks of a change: what would cut the line, side effects
     simulator/           simulated devices
 

@@ -53,7 +53,7 @@ from imuscope.protocols.isb.commands import (
     SAVE_PERSISTENT,
     SYS_CMD,
 )
-from imuscope.protocols.isb.config_effects import alters, line_change, risks_of_change
+from imuscope.protocols.isb.config_effects import SAVED, alters, differences, line_change, risks_of_change
 from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS
 from imuscope.protocols.isb.device_info import identity
 from imuscope.protocols.isb.encoder import (
@@ -69,7 +69,6 @@ from imuscope.protocols.isb.encoder import (
 )
 from imuscope.protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
 from imuscope.protocols.isb.messages import COMMANDS, SET_PREFIX
-from imuscope.protocols.isb.settings_diff import SAVED, differences
 from imuscope.protocols.isb.stored_settings import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
 from imuscope.protocols.isb.stream_discovery import ListeningTimes, to_wire
 from imuscope.protocols.isb.stream_restore import undisturbed

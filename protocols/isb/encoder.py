@@ -29,11 +29,11 @@ from imuscope.protocols.isb.commands import (
     SYS_CMD,
     SYSTEM_COMMANDS,
 )
+from imuscope.protocols.isb.config_effects import same_pace
 from imuscope.protocols.isb.dataset_loader import CURRENT, SETS
 from imuscope.protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
 from imuscope.protocols.isb.json_codec import frame_from_json
 from imuscope.protocols.isb.messages import BY_NAME, SET_PREFIX, places
-from imuscope.protocols.isb.settings_diff import same_pace
 from imuscope.protocols.isb.stored_settings import GET_PREFIX, STREAM_FIELDS, STREAMS_SETTING, fields_of
 from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
 from imuscope.protocols.schema import validation

@@ -27,10 +27,10 @@ from imuscope.protocols.family.info import (
     PositionFix,
     ProtocolInfo,
     StreamTraits,
+    SupportTable,
     VendorLogs,
 )
 from imuscope.protocols.family.sensor_properties import SensorProperties
-from imuscope.protocols.family.support_tables import SupportTable
 from imuscope.protocols.isb import logs
 from imuscope.protocols.isb.bandwidth import periods_ms
 from imuscope.protocols.isb.commands import COMMAND_ROWS, NMEA_MESSAGES

@@ -57,8 +57,7 @@ from imuscope.protocols.xbus.json_codec import frame_from_json
 from imuscope.protocols.xbus.messages import BY_NAME, MESSAGES, ROWS
 from imuscope.protocols.xbus.output_changes import XbusOutputChanges
 from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Output, allowed, max_rate
-from imuscope.protocols.xbus.products import absent, as_built, has, model_of
-from imuscope.protocols.xbus.sensors import sensors_of
+from imuscope.protocols.xbus.products import absent, as_built, has, model_of, sensors_of
 from imuscope.protocols.xbus.supported import supported
 
 UTC_VALID = 4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from imuscope.protocols.family.support_tables import SupportTable
+from imuscope.protocols.family.info import SupportTable
 from imuscope.protocols.xbus.commands import commands, settings
 from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS, max_rate
 from imuscope.protocols.xbus.products import MODELS, Model, has

@@ -1,6 +1,6 @@
 """Registry of export formats.
 
-Each file of `recordings/exporters/formats/` registers a format when it is imported, and so does each module named in
+Each file of `recordings/exporters/formats/` registers its formats when it is imported, and so does each module named in
 the entry-point group `imuscope.exporters` of another package. docs/add-an-exporter.md explains how to write one.
 """
 

@@ -39,10 +39,8 @@ from imuscope.recordings.mcap.records import MAGIC
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.recordings.readers import vendor_logs
-from imuscope.recordings.readers.bag_folder import METADATA, is_bag_folder
 from imuscope.recordings.readers.file_suffixes import TABLES
-from imuscope.recordings.readers.formats.euroc_folder import DATA, sensor_folders
-from imuscope.recordings.readers.formats.oxts_folder import packet_folder
+from imuscope.recordings.readers.folders import METADATA, SENSOR_DATA, is_bag_folder, packet_folder, sensor_folders
 from imuscope.recordings.readers.known_files import known_file, seeming
 from imuscope.recordings.readers.message_source import MessageSource
 from imuscope.recordings.readers.registry import (
@@ -57,9 +55,8 @@ from imuscope.recordings.sources import ChunkBlock, FileDamage, Source, SourceDe
 from imuscope.recordings.system.regular_file import open_regular, read_regular, readable_name
 from imuscope.recordings.tables.clocks.axis import LAST_CHANGE, NAME, period_start
 from imuscope.recordings.tables.dates import dated_name
-from imuscope.recordings.tables.file_reading import over
 from imuscope.recordings.tables.format import has_rows
-from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.options import TableOptions, over
 from imuscope.recordings.tables.table_source import CsvSource
 
 GUESS_BYTES = 1 << 16
@@ -401,8 +398,8 @@ def _folder(path: Path, table: TableOptions) -> Source:
     from imuscope.recordings.readers.formats.ros2_bag import open_bag_folder
 
     if not is_bag_folder(path):
-        known = f"A ROS 2 bag, with {METADATA}, an EuRoC folder, with imu0/{DATA}, and a drive of KITTI, with oxts,"
-        hint = f"Give a file in it. {known} can be opened."
+        kinds = f"A ROS 2 bag, with {METADATA}, an EuRoC folder, with imu0/{SENSOR_DATA}, and a drive of KITTI"
+        hint = f"Give a file in it. {kinds}, with oxts, can be opened."
         raise RecordingError(f"{path.name} is a folder.", hint)
     return open_bag_folder(path)
 

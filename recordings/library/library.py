@@ -51,7 +51,7 @@ from imuscope.recordings.library.remembered_tables import TableMemory
 from imuscope.recordings.readers.file_suffixes import ALWAYS_LISTED, suffixes
 from imuscope.recordings.sidecar import Edits, MarkerInfo
 from imuscope.recordings.system import file_lock
-from imuscope.recordings.tables.file_reading import FileReading
+from imuscope.recordings.tables.options import FileReading
 
 INCOMING = ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin

@@ -16,7 +16,7 @@ from imuscope.recordings.errors import disk_error
 from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import read_regular
 from imuscope.recordings.system.tolerant_json import loads
-from imuscope.recordings.tables.file_reading import FileReading, reading_from
+from imuscope.recordings.tables.options import FileReading, reading_from
 
 FILE = "table-readings.json"
 VERSION = 1

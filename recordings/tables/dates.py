@@ -13,11 +13,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 Order = Literal["mdy", "dmy"]
 
@@ -61,13 +60,13 @@ _DAYS = re.compile(
 _PACKED_CLOCK = re.compile(r"^\s*([0-2]\d)([0-5]\d)([0-5]\d)(\.\d+)?\s*$")
 
 
-@dataclass(frozen=True, slots=True)
-class _Date:
-    """Numbers of a date, and whether it begins with the year or is written with points."""
+class _Date(NamedTuple):
+    """A date: its year, the two other numbers, and their order if the form of the date says it."""
 
-    numbers: tuple[int, int, int]
-    year_first: bool
-    points: bool
+    year: int
+    first: int
+    second: int
+    order: Order | None
 
 
 def is_moment(text: str) -> bool:
@@ -126,13 +125,12 @@ def _date(text: str) -> tuple[_Date, str] | None:
     match = _DATE.match(text)
     if match is None:
         return None
-    first, last = match[1], match[4]
+    first, last, rest = match[1], match[4], text[match.end() :]
     if len(first) == 4:
-        return _Date((int(first), int(match[3]), int(last)), True, False), text[match.end() :]
+        return _Date(int(first), int(match[3]), int(last), "mdy"), rest
     if len(last) not in (2, 4):
         return None
-    year = _year(last)
-    return _Date((int(first), int(match[3]), year), False, match[2] == "."), text[match.end() :]
+    return _Date(_year(last), int(first), int(match[3]), "dmy" if match[2] == "." else None), rest
 
 
 def _year(text: str) -> int:
@@ -142,13 +140,9 @@ def _year(text: str) -> int:
 
 @lru_cache(maxsize=4096)
 def _midnight(date: _Date, order: Order) -> float | None:
-    a, b, c = date.numbers
-    if date.year_first:
-        year, month, day = a, b, c
-    else:
-        year, (month, day) = c, ((b, a) if date.points or order == "dmy" else (a, b))
+    month, day = (date.first, date.second) if (date.order or order) == "mdy" else (date.second, date.first)
     try:
-        return datetime(year, month, day, tzinfo=UTC).timestamp()
+        return datetime(date.year, month, day, tzinfo=UTC).timestamp()
     except ValueError:
         return None
 
@@ -159,21 +153,13 @@ def order_of(cells: Iterable[str], newest: float) -> tuple[Order | None, bool]:
     Args:
         newest: no sample is later than that, unix s.
     """
-    possible: dict[Order, bool] = {"mdy": True, "dmy": True}
-    matters = False
-    for text in cells:
-        matches = _date(text)
-        if matches is None or matches[0].year_first or matches[0].points:
-            continue
-        a, b, _ = matches[0].numbers
-        matters |= a != b
-        for order in possible:
-            midnight = _midnight(matches[0], order)
-            possible[order] &= midnight is not None and midnight <= newest
-    if not matters:
+    dates = [parsed[0] for text in cells if (parsed := _date(text)) is not None and parsed[0].order is None]
+    if all(date.first == date.second for date in dates):
         return "dmy", False
-    left = [order for order, whether in possible.items() if whether]
-    return (left[0] if len(left) == 1 else None), True
+    orders: tuple[Order, ...] = ("mdy", "dmy")
+    midnights = {order: [_midnight(date, order) for date in dates] for order in orders}
+    possible = [order for order in orders if all(one is not None and one <= newest for one in midnights[order])]
+    return (possible[0] if len(possible) == 1 else None), True
 
 
 def seconds_of_day(text: str) -> float | None:

@@ -22,8 +22,7 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.dates import Order, is_moment, is_time_of_day, order_of, unix_seconds, utc_text
 from imuscope.recordings.tables.headings import ColumnHeading
-from imuscope.recordings.tables.labels import CELLS, RowLabels, labels_of
-from imuscope.recordings.tables.line_marks import NO_MARKS, LineMarks, marks_of
+from imuscope.recordings.tables.line_marks import CELLS, NO_MARKS, LineMarks, RowLabels, labels_of, marks_of
 from imuscope.recordings.tables.options import OTHERS, TableOptions
 from imuscope.recordings.tables.time_units import FASTEST_FRACTION, is_dated
 

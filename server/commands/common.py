@@ -8,9 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from imuscope.recordings.readers.bag_folder import is_bag_folder
-from imuscope.recordings.readers.formats.euroc_folder import sensor_folders
-from imuscope.recordings.readers.formats.oxts_folder import packet_folder
+from imuscope.recordings.readers.folders import is_bag_folder, packet_folder, sensor_folders
 from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.recordings.tables.options import TableOptions, read_columns
 from imuscope.server.commands.arguments import COMMANDS

@@ -11,12 +11,17 @@ A connection is active when a part of a request arrives, or a part of an answer 
 from __future__ import annotations
 
 import asyncio
+import logging
 import resource
 import ssl
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakKeyDictionary
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.server import ServerState
+
+log = logging.getLogger("imuscope.serving")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,54 +44,42 @@ class ConnectionLimits:
         return min(self.most, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
 
 
-class Connections:
-    """Open connections by time of last activity: HTTP, and pending handshakes; `len` counts HTTP.
+class Connections(ServerState):
+    """The connections of one server, and those of HTTP and pending handshakes by time of last activity."""
 
-    Attributes:
-        limits: set once, before the server listens.
-    """
-
-    def __init__(self) -> None:
-        self.limits = ConnectionLimits()
+    def __init__(self, limits: ConnectionLimits) -> None:
+        super().__init__()
+        self.limits = limits
+        self.handshakes: set[Handshake] = set()
         self._moved: dict[Any, None] = {}  # in order of last activity, newest last
-        self._handshaking: set[Any] = set()
 
-    def __len__(self) -> int:
-        return len(self._moved) - len(self._handshaking)
+    @property
+    def websockets(self) -> int:
+        """Number of open WebSockets."""
+        return len(self.connections) + len(self.handshakes) - len(self._moved)
 
-    def moved(self, one: Any) -> None:
+    def moved(self, one: H11Protocol | Handshake) -> None:
         """Note activity of a connection."""
         self._moved.pop(one, None)
         self._moved[one] = None
 
-    @property
-    def shaking(self) -> list[Any]:
-        """Connections whose TLS handshake is pending."""
-        return list(self._handshaking)
-
-    def add(self, one: Any) -> None:
-        """Add a connection whose TLS handshake is pending."""
-        self._handshaking.add(one)
-        self.moved(one)
-
-    def remove(self, one: Any) -> None:
+    def remove(self, one: H11Protocol | Handshake) -> None:
         """Remove a connection that is closed, upgraded to WebSocket, or past its handshake."""
-        self._handshaking.discard(one)
+        self.handshakes.discard(one)
         self._moved.pop(one, None)
 
-    def close_idlest(self) -> Any:
-        """Remove and return the connection that has been idle longest; None if there is none."""
-        one = next(iter(self._moved), None)
-        self.remove(one)
-        return one
-
-
-_of: WeakKeyDictionary[Any, Connections] = WeakKeyDictionary()
-
-
-def connections_of(server: object) -> Connections:
-    """The connections of one server (uvicorn.server.ServerState)."""
-    return _of.setdefault(server, Connections())
+    def admit(self, one: H11Protocol | Handshake) -> bool:
+        """Make room for one more connection, by closing an idle one if necessary. Without one, close it: False."""
+        most = self.limits.connections
+        if len(self.connections) + len(self.handshakes) <= most:
+            return True
+        idle = next(iter(self._moved), one)
+        self.remove(idle)
+        peer = (idle.client or ("", 0))[0]
+        text = f"Closed an idle connection of {peer}: {most} are open, the maximum."
+        log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
+        idle.transport.abort()
+        return idle is not one
 
 
 class Handshake(asyncio.Protocol):
@@ -103,20 +96,12 @@ class Handshake(asyncio.Protocol):
         context: TLS context with the certificate.
         room: the connections among which it is counted.
         make: creates the protocol that takes over.
-        admit: makes room for one more connection; False if that is not possible.
     """
 
-    def __init__(
-        self,
-        context: ssl.SSLContext,
-        room: Connections,
-        make: Callable[[], asyncio.Protocol],
-        admit: Callable[[Handshake], bool],
-    ) -> None:
+    def __init__(self, context: ssl.SSLContext, room: Connections, make: Callable[[], asyncio.Protocol]) -> None:
         self._context = context
-        self._slots = room
+        self._room = room
         self._make = make
-        self._admit = admit
         self._early = b""
         self._lost = False
         self._next: asyncio.Protocol | None = None
@@ -130,21 +115,22 @@ class Handshake(asyncio.Protocol):
         peer = transport.get_extra_info("peername")
         self.client = (str(peer[0]), int(peer[1])) if isinstance(peer, tuple) else None
         transport.pause_reading()
-        self._slots.add(self)
-        if self._admit(self):
+        self._room.handshakes.add(self)
+        self._room.moved(self)
+        if self._room.admit(self):
             self._task = asyncio.get_running_loop().create_task(self._run(), name="TLS handshake")
 
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
         try:
-            limit_s = self._slots.limits.handshake_s
+            limit_s = self._room.limits.handshake_s
             secure = await loop.start_tls(
                 self.transport, self, self._context, server_side=True, ssl_handshake_timeout=limit_s
             )
         except OSError:  # not TLS, too late, or gone: it is already closed
             secure = None
         finally:
-            self._slots.remove(self)
+            self._room.remove(self)
         if secure is None or self._lost:
             return
         self._next = self._make()
@@ -158,7 +144,7 @@ class Handshake(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._lost = True
-        self._slots.remove(self)
+        self._room.remove(self)
         if self._next is not None:
             self._next.connection_lost(exc)
         elif self._task is not None:

@@ -31,7 +31,6 @@ import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
-from uvicorn.server import ServerState
 from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
@@ -39,7 +38,7 @@ from websockets.protocol import State
 from imuscope.server.concurrency.heartbeat import next_beat
 from imuscope.server.errors import status_of
 from imuscope.server.http import shutdown as ending
-from imuscope.server.http.connections import ConnectionLimits, Handshake, connections_of
+from imuscope.server.http.connections import ConnectionLimits, Connections, Handshake
 from imuscope.server.settings.config import Config
 from imuscope.server.system.end_signals import end_signals
 from imuscope.server.wire import Problem
@@ -62,6 +61,7 @@ MAX_PINGS = 20  # WebSocket pings per second; a browser sends none, a library on
 QUEUE = 2048  # connections that the system holds until they are accepted
 ACCEPTED_AT_ONCE = 16  # for some turns of the loop before one is read: in a flood it would be the one idle longest
 MAX_FRAGMENTS = 1024  # of one message; an empty one adds nothing to its size, and still takes memory
+REPORTED = ("Invalid HTTP request received.", "Invalid UTF-8 sequence received from client.")
 MAX_FROM_VIEWER = 1024 * 1024  # meshes for the 3D scene are sent in pieces of half that size
 
 
@@ -70,22 +70,22 @@ class BoundedHttp(H11Protocol):
     limited, so that descriptors are left for recordings and links (server/http/connections.py).
     """
 
+    server_state: Connections
     _request_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self._room = connections_of(self.server_state)
-        if admitted(self, self.server_state):
-            self._room.moved(self)
+        if self.server_state.admit(self):
+            self.server_state.moved(self)
             self._start_request_timer()
 
     def resume_writing(self) -> None:
-        self._room.moved(self)
+        self.server_state.moved(self)
         super().resume_writing()
 
     def _start_request_timer(self) -> None:
         if self._request_timer is None:
-            self._request_timer = self.loop.call_later(self._room.limits.head_s, self.transport.abort)
+            self._request_timer = self.loop.call_later(self.server_state.limits.head_s, self.transport.abort)
 
     def _cancel_request_timer(self) -> None:
         if self._request_timer is not None:
@@ -93,7 +93,7 @@ class BoundedHttp(H11Protocol):
             self._request_timer = None
 
     def data_received(self, data: bytes) -> None:
-        self._room.moved(self)
+        self.server_state.moved(self)
         self._start_request_timer()
         super().data_received(data)
         if self.cycle is not None and not self.cycle.response_complete:
@@ -108,14 +108,15 @@ class BoundedHttp(H11Protocol):
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         self._cancel_request_timer()
-        if len(self.connections) - len(self._room) >= self._room.limits.connections // 2:
-            self._refuse_websocket()
+        most = self.server_state.limits.connections // 2
+        if self.server_state.websockets >= most:
+            self._refuse_websocket(most)
             return
-        self._room.remove(self)
+        self.server_state.remove(self)
         super().handle_websocket_upgrade(event)
 
-    def _refuse_websocket(self) -> None:
-        words = f"The maximum of {self._room.limits.connections // 2} WebSockets is open."
+    def _refuse_websocket(self, most: int) -> None:
+        words = f"The maximum of {most} WebSockets is open."
         problem = Problem("full", words, "Close an unused page, or try again later.")
         body = json.dumps(asdict(problem)).encode()
         length = str(len(body)).encode()
@@ -126,46 +127,30 @@ class BoundedHttp(H11Protocol):
         self.transport.close()
 
     def on_response_complete(self) -> None:
-        self._room.moved(self)
+        self.server_state.moved(self)
         self._cancel_request_timer()  # from here on uvicorn's own keep-alive time-out applies
         super().on_response_complete()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._room.remove(self)
+        self.server_state.remove(self)
         self._cancel_request_timer()
         super().connection_lost(exc)
-
-
-def admitted(one: BoundedHttp | Handshake, state: ServerState) -> bool:
-    """Whether there is room for one more connection, after closing an idle one if necessary. If not, it is closed."""
-    room = connections_of(state)
-    most = room.limits.connections
-    if len(state.connections) + len(room.shaking) <= most:
-        return True
-    idle: BoundedHttp | Handshake = room.close_idlest() or one
-    peer = (idle.client or ("", 0))[0]
-    text = f"Closed an idle connection of {peer}: {most} are open, the maximum."
-    log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
-    idle.transport.abort()
-    return idle is not one
 
 
 def _over_tls(keeper: CertificateManager) -> type[asyncio.Protocol]:
     """Protocol factory for accepted connections: our HTTP, once the handshake is over."""
 
-    def create(config: uvicorn.Config, server_state: ServerState, **others: Any) -> Handshake:
-        room = connections_of(server_state)
-        http = partial(BoundedHttp, config, server_state, **others)
-        return Handshake(keeper.context, room, http, lambda one: admitted(one, server_state))
+    def create(config: uvicorn.Config, server_state: Connections, **others: Any) -> Handshake:
+        return Handshake(keeper.context, server_state, partial(BoundedHttp, config, server_state, **others))
 
     return cast(type[asyncio.Protocol], create)
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    """Whether uvicorn's message is not a duplicate of ours, nor about a normal cancellation."""
+    """Whether uvicorn's message is not a duplicate of ours, nor about a normal cancellation or a client's bytes."""
     error = record.exc_info[1] if record.exc_info is not None else None
     is_known = isinstance(error, asyncio.CancelledError) or getattr(error, "is_logged", False)
-    return record.msg != "Invalid HTTP request received." and not is_known
+    return record.msg not in REPORTED and not is_known
 
 
 def raise_limit() -> None:
@@ -230,28 +215,11 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
             return
         super().handle_cont(event)
 
-    def send_receive_event_to_app(self) -> None:
-        """End the connection on invalid UTF-8 (RFC 6455, 8.1) without the traceback that uvicorn would log."""
-        if self.curr_msg_data_type == "text" and not _is_text(self.frames):
-            self.frames = []
-            self.conn.send_close(1007)
-            self.handle_parser_exception()
-            return
-        super().send_receive_event_to_app()
-
     async def send(self, message: Any) -> None:
         """Note that a refusal with a response ends the handshake; otherwise uvicorn logs it as an error."""
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
             self.handshake_complete = True
-
-
-def _is_text(frames: Sequence[bytes]) -> bool:
-    try:
-        b"".join(frames).decode()
-    except UnicodeDecodeError:
-        return False
-    return True
 
 
 class Server(uvicorn.Server):
@@ -267,7 +235,7 @@ class Server(uvicorn.Server):
         self._is_ending = False
         self._wake: Callable[[], None] | None = None
         super().__init__(config)
-        connections_of(self.server_state).limits = limits
+        self.server_state: Connections = Connections(limits)
         self._on_ready = on_ready
         self._keeper = keeper
         self._certificate_task: asyncio.Task[None] | None = None
@@ -313,7 +281,7 @@ class Server(uvicorn.Server):
         timers = [loop.call_later(ending.GRACE_S, self._cut_off), loop.call_later(ending.CUT_S, self._cancel)]
         if self._certificate_task is not None:
             self._certificate_task.cancel()
-        for one in connections_of(self.server_state).shaking:
+        for one in list(self.server_state.handshakes):
             one.transport.abort()
         try:
             with ending.waiting_for("the connections and services"):

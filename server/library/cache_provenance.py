@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.sidecar import stored_reading
-from imuscope.recordings.tables.file_reading import FileReading
+from imuscope.recordings.tables.options import FileReading
 
 CHANGED = "The recording changed while it was opened.", "Open it again."
 SOURCE = "source.json"  # in a store: {"path", "size", "modified_ns"} of its recording, "reading" if any is chosen

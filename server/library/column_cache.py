@@ -32,7 +32,7 @@ from imuscope.recordings.columns.store import VERSION, ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.recordings.system.resource_limits import seconds_for
-from imuscope.recordings.tables.file_reading import FileReading
+from imuscope.recordings.tables.options import FileReading
 from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.library.cache_provenance import CHANGED, is_stale

@@ -41,7 +41,7 @@ from imuscope.recordings.readers.formats.log_clock import LogTimes
 from imuscope.recordings.readers.message_source import MessageFile
 from imuscope.recordings.sources import ChunkBlock, Source, damage_of
 from imuscope.recordings.system.freed_memory import keep_freed_memory
-from imuscope.recordings.tables.file_reading import FileReading
+from imuscope.recordings.tables.options import FileReading
 from imuscope.recordings.tables.table_source import TableSource
 from imuscope.server import wire
 from imuscope.server.devices.decode.decode_options import DecodeOptions, recorded

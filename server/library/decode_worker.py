@@ -16,7 +16,7 @@ from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.recordings.system.parent_death import report_to_parent
 from imuscope.recordings.system.resource_limits import bounded_by
-from imuscope.recordings.tables.file_reading import FileReading
+from imuscope.recordings.tables.options import FileReading
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.library.cache_provenance import CHANGED, write_source

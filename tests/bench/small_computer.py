@@ -20,7 +20,7 @@ Figures are shares of a core (processor time by wall time, all processes of the 
 
 The yardsticks, in the same run: `cat` from a device to a file (bytes; a read and a write for each arrival, which is
 what socat does without its poll; socat itself where it is installed, for the holder), a bare WebSocket relay for pages
-(relay.py; each message received and sent once), and a Python process that imports the same foundations (start).
+(relay_kernel.py; each message received and sent once), and a Python process that imports the same foundations (start).
 """
 
 from __future__ import annotations

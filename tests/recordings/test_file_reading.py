@@ -13,8 +13,7 @@ from imuscope.recordings import sidecar
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.sidecar import Edits
-from imuscope.recordings.tables.file_reading import FileReading, over, reading_from
-from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.options import FileReading, TableOptions, over, reading_from
 from imuscope.recordings.tables.table_source import CsvSource
 from imuscope.server.cli import main
 from tests.recordings.recorded_drive import drive

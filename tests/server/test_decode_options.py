@@ -13,7 +13,7 @@ from imuscope.protocols.family.info import ProtocolInfo
 from imuscope.protocols.idtp.custom_payloads import parse
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.schema.fields import Field, Message
-from imuscope.server.api.decode_options_body import DecodeOptionsBody
+from imuscope.server.api.devices import DecodeOptionsBody
 from imuscope.server.commands import arguments as options
 from imuscope.server.commands.common import decode_options_of
 from imuscope.server.devices.decode.decode_options import (

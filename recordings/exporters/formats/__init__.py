@@ -1,1 +1,1 @@
-"""Export formats, one file each. A file registers its format as it is imported (recordings/exporters/registry.py)."""
+"""Export formats. A file registers its formats as it is imported (recordings/exporters/registry.py)."""

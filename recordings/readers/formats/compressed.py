@@ -1,4 +1,5 @@
-"""Files that hold other files: zip, gzip, Zstandard. One file is opened; of a zip, all tables, or the one recording.
+"""Files that hold other files: zip, gzip, Zstandard, and text in UTF-16, as Windows and its PowerShell write it, which
+is opened as the same text in UTF-8. One file is opened; of a zip, all tables, or the one recording.
 
     .csv.gz .db3.zst …    the file inside, by its name without the last suffix
     .zip                  a ROS 2 bag (metadata.yaml), several tables (each a message), or one recording
@@ -8,6 +9,7 @@ An archive in an archive is refused. What the files claim about their sizes is n
 
 from __future__ import annotations
 
+import codecs
 import functools
 import os
 import re
@@ -19,13 +21,18 @@ from typing import TYPE_CHECKING
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import clean_name
-from imuscope.recordings.readers.bag_folder import METADATA
 from imuscope.recordings.readers.file_suffixes import suffixes
+from imuscope.recordings.readers.folders import (
+    METADATA,
+    PACKETS,
+    SENSOR,
+    SENSOR_DATA,
+    TIMES,
+    packet_folder,
+    sensor_folders,
+)
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder, decompressed
-from imuscope.recordings.readers.formats.euroc_folder import DATA as SENSOR_DATA
-from imuscope.recordings.readers.formats.euroc_folder import SENSOR, sensor_folders
 from imuscope.recordings.readers.formats.numpy_arrays import is_npz, open_npz
-from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES, packet_folder
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.sources import add_outer_damage, remark
 from imuscope.recordings.system.regular_file import open_regular
@@ -34,6 +41,8 @@ from imuscope.recordings.tables.options import TableOptions
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source
 
+MOST_ZERO = 0.8  # of every other byte, in text with few letters beyond ASCII
+UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 MOST_ENTRIES = 10_000
 MOST_TABLES = 64
 NAMED = 5
@@ -54,6 +63,19 @@ def _open_one(request: OpenRequest, codec: str) -> Source:
     name = clean_name(path.stem if path.suffix.lower() in (".gz", ".zst", ".zstd") else path.name, suffixes())
     unpacked = UnpackedFolder(path)
     return temporary_source(unpacked, request, lambda: [decompressed(path, unpacked, name, codec)])
+
+
+def is_utf16(head: bytes) -> bool:
+    """Whether these are the first bytes of such a text: its mark, and characters of which half the bytes are zero."""
+    high = head[3::2] if head.startswith(UTF16_MARKS[0]) else head[2::2]
+    return head.startswith(UTF16_MARKS) and high.count(0) > MOST_ZERO * len(high)
+
+
+def _open_utf16(request: OpenRequest) -> Source:
+    unpacked = UnpackedFolder(request.path)
+    with open_regular(request.path) as file:
+        text = codecs.EncodedFile(file, "utf-8", "utf-16", "replace")
+        return temporary_source(unpacked, request, lambda: [unpacked.write(request.path.name, text)])
 
 
 def _open_zip(request: OpenRequest) -> Source:
@@ -207,3 +229,4 @@ for _name, _title, _suffixes, _mark, _codec in (
             is_container=True,
         )
     )
+register_reader(FileReader("utf16", "Text in UTF-16", (), _open_utf16, order=85, recognises=is_utf16))

@@ -19,18 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Ints
 from imuscope.recordings.readers.formats.flight_log import (
-    BLOCK_BYTES,
     MOST_COLUMNS,
     DatedBy,
     FlightLog,
     LogBlock,
     LogColumn,
     LogTable,
+    Records,
 )
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
-from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.cells import times_of
 from imuscope.recordings.tables.clock import TableClock
 from imuscope.recordings.tables.dates import WEEK
@@ -77,18 +75,7 @@ class DataFlash(FlightLog):
         super().__init__(path, "dataflash")
 
     def blocks(self) -> Iterator[LogBlock]:
-        self.damage.clear()
-        size = max(self.path.stat().st_size, 1)
-        reading = _Records(self)
-        with open_regular(self.path) as file:
-            held, at = b"", 0
-            while data := file.read(BLOCK_BYTES):
-                held += data
-                used = reading.take(held, at)
-                held, at = held[used:], at + used
-                yield reading.block(at / size)
-        if held.strip(b"\0\xff"):
-            self.note(at, "The last record was cut.")
+        return self.read(_Records(self), 0, lambda rest: not rest.strip(b"\0\xff"))
 
     def dated(self, table: LogTable, records: NDArray[Any]) -> DatedBy | None:
         names = table.dtype.names or ()
@@ -112,22 +99,18 @@ class DataFlash(FlightLog):
         )
 
 
-class _Records:
-    """Records of a file, gathered by kind."""
-
+class _Records(Records):
     def __init__(self, log: DataFlash) -> None:
+        super().__init__()
         self._log = log
         self._formats: dict[int, _Format] = {FMT: _Format(FMT_BYTES, "FMT", "", [])}
         self._lengths = [0] * 256
         self._lengths[FMT] = FMT_BYTES
-        self._gathered: dict[int, list[bytes]] = {}
-        self._order: list[int] = []  # the kinds of the gathered records
         self._units: dict[str, str] = {}
         self._factors: dict[str, float] = {}
         self._unit_ids: dict[int, tuple[str, str]] = {}  # by kind: a unit and a multiplier for each field
 
     def take(self, data: bytes, offset: int) -> int:
-        """Read all whole records; returns how many bytes they have."""
         at, end, lengths, gathered, order = 0, len(data), self._lengths, self._gathered, self._order
         while at + 3 <= end:
             kind = data[at + 2]
@@ -148,29 +131,14 @@ class _Records:
             at += length
         return at
 
-    def block(self, done: float) -> LogBlock:
-        """The records since the last call, by table."""
-        blocks: dict[str, bytes] = {}
-        places: dict[str, Ints] = {}
-        order = np.array(self._order, np.int64)
-        self._order.clear()
-        for kind, some in self._gathered.items():
-            form = self._formats[kind]
-            if not some:
-                continue
-            if form.name not in self._log.tables:
-                table = self._table(kind, form)
-                if table is None:
-                    self._log.left_out[LEFT_OUT.get(form.name, form.name)] = None
-                    some.clear()
-                    continue
-                self._log.tables[form.name] = table
-            if self._log.tables[form.name].dtype.itemsize == form.length:
-                blocks[form.name] = blocks.get(form.name, b"") + b"".join(some)
-                before = places.get(form.name, order[:0])
-                places[form.name] = np.concatenate((before, np.flatnonzero(order == kind)))
-            some.clear()
-        return LogBlock(blocks, done, places)
+    def _table_of(self, kind: int) -> LogTable | None:
+        form = self._formats[kind]
+        table = self._log.tables.get(form.name) or self._table(kind, form)
+        if table is None:
+            self._log.left_out[LEFT_OUT.get(form.name, form.name)] = None
+            return None
+        self._log.tables[form.name] = table
+        return table if table.dtype.itemsize == form.length else None
 
     def _resynchronised(self, data: bytes, at: int) -> int:
         """The next record of a known kind; the end of the data without one."""

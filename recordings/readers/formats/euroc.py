@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.readers.formats.euroc_folder import DATA, SENSOR, sensor_folders
+from imuscope.recordings.readers.folders import SENSOR, SENSOR_DATA, sensor_folders
 from imuscope.recordings.readers.formats.table_set import TableSet
 from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.system.regular_file import open_regular
@@ -65,7 +65,7 @@ def open_euroc_folder(folder: Path, options: TableOptions) -> TableSource:
     first: RecordingError | None = None
     for one in sensor_folders(folder):
         try:
-            tables.append(EurocTable(one / DATA, options, one.name, _about(one / SENSOR)))
+            tables.append(EurocTable(one / SENSOR_DATA, options, one.name, _about(one / SENSOR)))
         except RecordingError as error:
             first = first or error
             errors.append(remark(f"{one.name} is left out: {error.text}"))

@@ -6,7 +6,7 @@ it goes back a segment begins (log_clock.py), and the clock itself is a column o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from imuscope.protocols.arrays import Ints
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.log_clock import LogClock
 from imuscope.recordings.sources import FileDamage, remark
+from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.clock import TableClock
 from imuscope.recordings.tables.clocks.axis import TimeAxis, origin_of
 from imuscope.recordings.tables.clocks.steps import ClockWatch
@@ -86,6 +87,41 @@ class LogBlock:
     records: Mapping[str, bytes]
     done: float
     places: Mapping[str, Ints] = field(default_factory=dict)
+
+
+class Records:
+    """Records of a log, gathered by the number of their kind, and their order."""
+
+    def __init__(self) -> None:
+        self._gathered: dict[int, list[bytes]] = {}
+        self._order: list[int] = []
+
+    def take(self, data: bytes, offset: int) -> int:
+        """Read all whole records from a place in the file on; returns how many bytes they have."""
+        raise NotImplementedError
+
+    def block(self, done: float) -> LogBlock:
+        """The records since the last call, by table."""
+        blocks: dict[str, bytes] = {}
+        places: dict[str, Ints] = {}
+        order = np.array(self._order, np.int64)
+        self._order.clear()
+        for kind, records in self._gathered.items():
+            if not records:
+                continue
+            if (table := self._table_of(kind)) is not None:
+                blocks[table.name] = blocks.get(table.name, b"") + self._joined(table, records)
+                before = places.get(table.name, order[:0])
+                places[table.name] = np.concatenate((before, np.flatnonzero(order == kind)))
+            records.clear()
+        return LogBlock(blocks, done, places)
+
+    def _table_of(self, kind: int) -> LogTable | None:
+        """The table of a kind; None if its records are left out."""
+        raise NotImplementedError
+
+    def _joined(self, table: LogTable, records: list[bytes]) -> bytes:
+        return b"".join(records)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +203,26 @@ class FlightLog(TableSource):
     def blocks(self) -> Iterator[LogBlock]:
         """All records in the order of the file."""
         raise NotImplementedError
+
+    def read(self, records: Records, begin: int, ends: Callable[[bytes], bool]) -> Iterator[LogBlock]:
+        """The blocks of a file.
+
+        Args:
+            begin: where the records do.
+            ends: whether the bytes behind the last whole record are a natural end of the file.
+        """
+        self.damage.clear()
+        size = max(self.path.stat().st_size, 1)
+        with open_regular(self.path) as file:
+            file.seek(begin)
+            held, at = b"", begin
+            while data := file.read(BLOCK_BYTES):
+                held += data
+                used = records.take(held, at)
+                held, at = held[used:], at + used
+                yield records.block(at / size)
+        if not ends(held):
+            self.note(at, "The last record was cut.")
 
     def fix(self) -> DatedBy | None:
         """The first moment of which UTC is known: a fix of a receiver, unless a format has something else."""

@@ -14,8 +14,8 @@ import io
 from pathlib import Path
 
 from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.readers.folders import PACKETS, TIMES
 from imuscope.recordings.readers.formats.decompressing import UnpackedFolder
-from imuscope.recordings.readers.formats.oxts_folder import PACKETS, TIMES
 from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.recordings.tables.table_source import CsvSource

@@ -22,7 +22,7 @@ import numpy as np
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.records import MAGIC
-from imuscope.recordings.readers.bag_folder import METADATA
+from imuscope.recordings.readers.folders import METADATA
 from imuscope.recordings.readers.formats.bag_kernels import SIZE, START
 from imuscope.recordings.readers.formats.bag_source import BLOCK_BYTES, BagPiece, BagSource, piece_of
 from imuscope.recordings.readers.formats.decompressing import CODECS, UnpackedFolder, decompressed, inflated

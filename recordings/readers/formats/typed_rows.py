@@ -35,7 +35,7 @@ from imuscope.recordings.tables.clock import AmbiguousTableError
 from imuscope.recordings.tables.clocks.names import SENSOR, words_of
 from imuscope.recordings.tables.dates import is_moment
 from imuscope.recordings.tables.format import LONGEST_LINE, MOST, SAMPLE_BYTES, TableFormat, format_of, is_number, split
-from imuscope.recordings.tables.labels import labels_of
+from imuscope.recordings.tables.line_marks import labels_of
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.recordings.tables.table_source import CsvSource, TableSource
 

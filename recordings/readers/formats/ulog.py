@@ -20,11 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Ints
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.flight_log import (
-    BLOCK_BYTES,
     MOST_COLUMNS,
     MOST_TABLES,
     DatedBy,
@@ -32,10 +30,10 @@ from imuscope.recordings.readers.formats.flight_log import (
     LogBlock,
     LogColumn,
     LogTable,
+    Records,
 )
 from imuscope.recordings.readers.registry import FileReader, register_reader
 from imuscope.recordings.sources import remark
-from imuscope.recordings.system.regular_file import open_regular
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER_BYTES = 16
@@ -63,19 +61,8 @@ class Ulog(FlightLog):
         super().__init__(path, "ulog")
 
     def blocks(self) -> Iterator[LogBlock]:
-        self.damage.clear()
-        size = max(self.path.stat().st_size, 1)
         reading = _Messages(self)
-        with open_regular(self.path) as file:
-            file.seek(HEADER_BYTES)
-            held, at = b"", HEADER_BYTES
-            while data := file.read(BLOCK_BYTES):
-                held += data
-                used = reading.take(held, at)
-                held, at = held[used:], at + used
-                yield reading.block(at / size)
-        if len(held) >= _HEAD.size:
-            self.note(at, "The last record was cut.")
+        yield from self.read(reading, HEADER_BYTES, lambda rest: len(rest) < _HEAD.size)
         if reading.drops:
             words = f"The logger dropped records {counted(reading.drops, 'time')}, for {reading.dropped_ms} ms in all."
             self.damage.append(remark(words))
@@ -95,7 +82,7 @@ class Ulog(FlightLog):
         )
 
 
-class _Messages:
+class _Messages(Records):
     """Messages of a file, gathered by subscription.
 
     Attributes:
@@ -103,15 +90,13 @@ class _Messages:
     """
 
     def __init__(self, log: Ulog) -> None:
+        super().__init__()
         self.drops = self.dropped_ms = 0
         self._log = log
         self._formats: dict[str, str] = {}
         self._tables: dict[int, LogTable] = {}
-        self._gathered: dict[int, list[bytes]] = {}
-        self._order: list[int] = []  # the numbers of the gathered records
 
     def take(self, data: bytes, offset: int) -> int:
-        """Read all whole messages; returns how many bytes they have."""
         at, unpack, end = 0, _HEAD.unpack_from, len(data)
         gathered, order = self._gathered, self._order
         while at + 3 <= end:
@@ -137,23 +122,12 @@ class _Messages:
             at += 3 + size
         return at
 
-    def block(self, done: float) -> LogBlock:
-        """The records since the last call, by table."""
-        blocks: dict[str, bytes] = {}
-        places: dict[str, Ints] = {}
-        order = np.array(self._order, np.int64)
-        self._order.clear()
-        for number, bodies in self._gathered.items():
-            if not bodies:
-                continue
-            table = self._tables[number]
-            size = table.dtype.itemsize
-            whole = [body if len(body) == size else body[:size].ljust(size, b"\0") for body in bodies]
-            blocks[table.name] = blocks.get(table.name, b"") + b"".join(whole)
-            before = places.get(table.name, order[:0])
-            places[table.name] = np.concatenate((before, np.flatnonzero(order == number)))
-            bodies.clear()
-        return LogBlock(blocks, done, places)
+    def _table_of(self, kind: int) -> LogTable | None:
+        return self._tables[kind]
+
+    def _joined(self, table: LogTable, records: list[bytes]) -> bytes:
+        size = table.dtype.itemsize
+        return b"".join(one if len(one) == size else one[:size].ljust(size, b"\0") for one in records)
 
     def _resynchronised(self, data: bytes, at: int) -> int:
         """The next place with the heads of two messages, or a synchronisation message."""

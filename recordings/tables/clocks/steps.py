@@ -29,6 +29,11 @@ NEXT_ROWS = 8  # rows within which a clock that is only out of order returns
 PAUSE_S = 60.0  # a longer step ahead begins a segment; a shorter one is a gap
 COARSE = 0.5  # of the rows repeat a time
 MOST_STEPS = 10_000
+_SIZES = (
+    *((2 * size, size, unit) for size, unit in ((86_400.0, "days"), (3600.0, "h"), (60.0, "min"))),
+    *((0.1 * size, size, unit) for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))),
+)
+"""From which duration on, s, it is written in which unit."""
 WRAPS = tuple(1 << bits for bits in (8, 16, 24, 31, 32))
 
 
@@ -187,12 +192,9 @@ def step_words(step: StepOfClock, name: str) -> str:
 
 def duration_text(seconds: float) -> str:
     """A duration with the precision that it has."""
-    for size, unit in ((86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2 * size:
+    for least, size, unit in _SIZES:
+        if seconds >= least:
             return f"{seconds / size:.6g} {unit}"
-    for size, unit in ((0.1, "s"), (1e-4, "ms"), (1e-7, "µs")):
-        if seconds >= size:
-            return f"{seconds * {'s': 1, 'ms': 1e3, 'µs': 1e6}[unit]:.6g} {unit}"
     return f"{seconds * 1e9:.3g} ns"
 
 

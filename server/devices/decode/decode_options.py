@@ -18,8 +18,7 @@ from typing import Any
 from urllib.parse import unquote_plus
 
 from imuscope.protocols.family.decode_options import DecodeOption
-from imuscope.recordings.tables.file_reading import AxisClock
-from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.options import AxisClock, TableOptions
 
 PROTOCOL = "protocol"
 

@@ -8,7 +8,7 @@ from imuscope.server.services.extension import Extension, ExtensionCommand
 EXTENSION = Extension(
     "clocks",
     "Clocks",
-    page_parts="imuscope.server.extensions.clocks.live",
+    page_parts="imuscope.server.extensions.clocks.routes",
     routes=("imuscope.server.extensions.clocks.routes", "imuscope.server.extensions.clocks.file_readings"),
     commands=(
         ExtensionCommand(

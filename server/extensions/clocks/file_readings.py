@@ -15,14 +15,14 @@ from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.library.previewed_table import TablePreview, TableQuestion
 from imuscope.recordings.library.recording_probe import TABLE_FORMATS
 from imuscope.recordings.sidecar import stored_reading
-from imuscope.recordings.tables.file_reading import (
+from imuscope.recordings.tables.options import (
     FASTEST_HZ,
     LONGEST,
     MOST_COLUMNS,
     SLOWEST_HZ,
     FileReading,
+    TableOptions,
 )
-from imuscope.recordings.tables.options import TableOptions
 from imuscope.server.api.dependencies import TheServices, user_of, while_connected
 from imuscope.server.api.errors import recording_errors, responses, unknown_recording
 from imuscope.server.api.lazy_routes import lazy_router

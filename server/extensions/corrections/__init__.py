@@ -5,6 +5,6 @@ from imuscope.server.services.extension import Extension
 EXTENSION = Extension(
     "corrections",
     "GNSS corrections",
-    page_parts="imuscope.server.extensions.corrections.manager",
+    page_parts="imuscope.server.extensions.corrections.routes",
     routes=("imuscope.server.extensions.corrections.routes",),
 )

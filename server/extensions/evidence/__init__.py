@@ -18,7 +18,7 @@ EXTENSION = Extension(
         FileOutput(
             ".html",
             "evidence: plots, figures, events and settings in one file",
-            "imuscope.server.extensions.evidence.output:write_part",
+            "imuscope.server.extensions.evidence.worker:write_part",
             hides_position=True,
         ),
     ),

@@ -8,18 +8,41 @@ output is as that of server/library/export_worker.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
+from imuscope.recordings.exporters import ExportRequest
 from imuscope.recordings.system.atomic_write import SHARED, write_atomic
-from imuscope.server.extensions.evidence.content import About, content_of
+from imuscope.server.extensions.evidence.content import About, all_plots, content_of
 from imuscope.server.extensions.evidence.document import document
 from imuscope.server.extensions.evidence.request import EvidenceRequest, request_of
 from imuscope.server.http.page_files import FOLDER
 from imuscope.server.library.export_worker import run
+from imuscope.server.library.recording_detail import channels_of
+
+
+def write_part(request: ExportRequest, out: Path, with_position: bool, step: Callable[[float], None]) -> list[Path]:
+    """Write one HTML file with the plots of a part, its figures, events and settings; see FileOutput.writes."""
+    columns = request.columns
+    infos = [
+        info
+        for info in channels_of(columns).values()
+        if request.device in ("", info.device) and (request.channels is None or info.id in request.channels)
+    ]
+    is_part = request.device != "" or request.channels is not None
+    plots = all_plots(infos, len(columns.manifest["devices"])) if is_part else None
+    t0, t1 = (None if math.isinf(time) else time for time in (request.t0, request.t1))
+    evidence_request = EvidenceRequest(t0, t1, plots=plots, with_position=with_position)
+    name = request.title
+    about = About(Path(name).stem, file=name, format=str(columns.manifest.get("format", "")))
+    if not with_position:
+        about.title = "Recording"  # a name may be that of a place
+    return write(columns, about, evidence_request, out, step)
+
 
 MOST_BYTES = 20_000_000  # of a file: what mail and ticket systems take
 PER_BYTE = 3 / 4  # of base64

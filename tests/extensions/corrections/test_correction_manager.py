@@ -8,8 +8,8 @@ from typing import Any, cast
 
 import pytest
 
-from imuscope.server.extensions.corrections import manager
-from imuscope.server.extensions.corrections.manager import CorrectionManager
+from imuscope.server.extensions.corrections import routes
+from imuscope.server.extensions.corrections.routes import CorrectionManager
 from imuscope.server.extensions.corrections.stream import Corrections
 
 
@@ -34,7 +34,7 @@ class SlowForwarder:
 async def test_of_streams_that_are_set_at_once_one_is_forwarded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Both were sent to the device, and one could not be ended any more."""
     SlowForwarder.all, SlowForwarder.may_close = [], asyncio.Event()
-    monkeypatch.setattr(manager, "CorrectionForwarder", SlowForwarder)
+    monkeypatch.setattr(routes, "CorrectionForwarder", SlowForwarder)
     session = cast(Any, SimpleNamespace(info=SimpleNamespace(id="1")))
     corrections = CorrectionManager(cast(Any, None))
     await corrections.begin(session, "tcp://base:1")
@@ -52,7 +52,7 @@ async def test_the_stream_of_a_device_that_was_removed_is_forgotten(monkeypatch:
     """It kept the device in memory, with all that had been decoded of it."""
     SlowForwarder.all, SlowForwarder.may_close = [], asyncio.Event()
     SlowForwarder.may_close.set()
-    monkeypatch.setattr(manager, "CorrectionForwarder", SlowForwarder)
+    monkeypatch.setattr(routes, "CorrectionForwarder", SlowForwarder)
     sessions = SimpleNamespace(infos=[])
     corrections = CorrectionManager(cast(Any, sessions))
     for device in ("1", "2", "3"):

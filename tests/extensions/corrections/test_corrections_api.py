@@ -14,7 +14,7 @@ from httpx import Client
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.server.api.devices import check_path
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.corrections.manager import CorrectionManager
+from imuscope.server.extensions.corrections.routes import CorrectionManager
 from imuscope.server.extensions.corrections.stream import file_of
 from imuscope.server.settings.config import Config
 from tests.server.correction_messages import NUMBERS, STREAM

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from imuscope.protocols.events import Reply
 from imuscope.server.configuration.device_controller import DeviceController
-from imuscope.server.extensions.corrections.manager import CorrectionManager
+from imuscope.server.extensions.corrections.routes import CorrectionManager
 from tests.server.control_harness import house
 from tests.server.correction_messages import NUMBERS, STREAM
 from tests.server.shared_line import SOURCE, both

@@ -18,7 +18,7 @@ from imuscope.server.extensions.shares import relay_kernel
 from imuscope.server.extensions.shares.hold import findings
 from imuscope.server.extensions.shares.holder.event_loop import RELAYED
 from imuscope.server.extensions.shares.holder.messages import STAMP, MessageKind, MessageReader
-from imuscope.server.extensions.shares.holder.relay import LEFT_OVER, OTHERS, PORT_FAILED, TIME_IS_OVER, Relay
+from imuscope.server.extensions.shares.holder.process import LEFT_OVER, OTHERS, PORT_FAILED, TIME_IS_OVER, Relay
 from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.relay_kernel import READ_BYTES, relay
 from imuscope.server.settings.config import load

@@ -11,7 +11,7 @@ import pytest
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
-from imuscope.recordings.tables.labels import labels_of
+from imuscope.recordings.tables.line_marks import labels_of
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode

@@ -2,7 +2,7 @@
 
     port ──read, stamp──┬── clients: at once                 the robot's driver comes first
                         └── server: at most every SERVER_NS  its samples carry the stamp
-           as machine code while every client keeps up (relay.py); else, and all the rest, here
+           as machine code while every client keeps up (`Relay`); else, and all the rest, here
 
 A port that is gone is opened as soon as it is back: its path is looked at with every tick. Until then its terminals and
 TCP ports are closed: a client sees what an unplugged adapter would show. Started by a server, the holder ends when
@@ -14,24 +14,97 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from importlib.machinery import ExtensionFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from typing import Any
 
 from imuscope.server.concurrency.backoff import LOCAL_S, Backoff
 from imuscope.server.extensions.shares.holder.arbiter import SERVER, Arbiter
 from imuscope.server.extensions.shares.holder.client_frames import FrameRules
-from imuscope.server.extensions.shares.holder.clients import Client
+from imuscope.server.extensions.shares.holder.clients import Client, UdpClient
 from imuscope.server.extensions.shares.holder.event_loop import ONCE, READ, RELAYED, WRITE, EventLoop
 from imuscope.server.extensions.shares.holder.messages import MessageKind
 from imuscope.server.extensions.shares.holder.port import Port, PortError
-from imuscope.server.extensions.shares.holder.relay import OTHERS, PORT_FAILED, Relay
+from imuscope.server.extensions.shares.holder.server_connection import ServerConnection
 from imuscope.server.extensions.shares.holder.server_session import ServerSide
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 from imuscope.server.extensions.shares.holder.sharing import Sharing
 from imuscope.server.extensions.shares.holder.socket_paths import port_link
 from imuscope.server.system.terminals import standing_at
+
+MOST_CLIENTS = 4
+TIME_IS_OVER, OTHERS, PORT_FAILED, LEFT_OVER = 0, 1, -1, 2
+SECOND_NS = 1e9
+
+
+class Relay:
+    """The loop of a shared port as machine code: loaded without numpy, and called with what the holder has.
+
+    It takes the place of the holder's own loop while every client keeps up; one that does not is served by Python until
+    its queue is empty. `server/extensions/shares/relay_kernel.py` is the function, and its documentation.
+
+    Args:
+        path, name: of the library and of the function in it (relay_kernel.place).
+
+    Raises:
+        ImportError, AttributeError: it cannot be loaded.
+    """
+
+    def __init__(self, path: str, name: str) -> None:
+        spec = spec_from_loader("imuscope_native.kernels", ExtensionFileLoader("imuscope_native.kernels", path))
+        assert spec is not None
+        assert spec.loader is not None
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        self._function: Any = getattr(module, name)
+        self._left_over, self._spill = os.pipe()
+
+    @staticmethod
+    def serves(port: Port, clients: Sequence[Client], server: ServerConnection | None) -> bool:
+        """Whether it can pass on now: nothing waits anywhere."""
+        return (
+            port.is_open
+            and not port.backlog
+            and len(clients) <= MOST_CLIENTS
+            and all(type(one) is not UdpClient and not one.queue.size for one in clients)
+            and (server is None or not server.backlog)
+        )
+
+    def run(
+        self, port: Port, epoll: int, clients: Sequence[Client], server: ServerConnection | None, until: float
+    ) -> tuple[int, bytes, Sequence[int]]:
+        """Pass on bytes of the device until a time, monotonic, s.
+
+        Returns:
+            state, and the last read with what each client has taken of it if one has not taken it all.
+        """
+        descriptors = [*(one.fd for one in clients), *(-1,) * (MOST_CLIENTS - len(clients))]
+        state, total, size, *rest = self._function(
+            port.fd,
+            epoll,
+            tuple(descriptors),
+            -1 if server is None else server.fd,
+            self._spill,
+            int(until * SECOND_NS),
+        )
+        counts, unsent = rest[: len(clients)], rest[MOST_CLIENTS]
+        last = b""
+        for client, count in zip(clients, counts, strict=True):
+            client.sent += total - size + max(count, 0)
+            if count < size:
+                last = last or os.read(self._left_over, size)
+        if unsent and server is not None:
+            server.keep(os.read(self._left_over, unsent))
+        return state, last, counts
+
+    def close(self) -> None:
+        os.close(self._left_over)
+        os.close(self._spill)
+
 
 TICK_S = 0.02
 CALM_S = 0.05  # between two ticks while no client talks to the device or waits: one costs as much as ten frames

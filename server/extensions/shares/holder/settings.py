@@ -20,7 +20,7 @@ class HolderSettings(NamedTuple):
         socket: path of the Unix socket for the server.
         shares: offered from the start.
         stay: run until a signal, whether or not anybody is there.
-        kernel: library and name of the loop as machine code (relay.py); () without.
+        kernel: library and name of the loop as machine code (process.Relay); () without.
     """
 
     source: Mapping[str, Any]
