@@ -44,79 +44,54 @@ _UNKNOWN = "imuscope does not know this sentence: its numbers are shown by their
 _TICKS = "All samples of a message have its time; sTtag counts ticks of the sensor, whose length is not documented."
 _MAX_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
 
+
+def _vector(
+    name: str, unit: str, decimals: int, axes: tuple[str, ...] = _XYZ, *, title: str = "", frame: str = ""
+) -> Field:
+    return Field(name, "f8", (3,), unit=unit, axes=axes, decimals=decimals, title=title, frame=frame)
+
+
 TOGETHER: Mapping[tuple[str, ...], Field] = {
     ("q0", "q1", "q2", "q3"): Field(
         "Quaternion", "f8", (4,), axes=("q0", "q1", "q2", "q3"), decimals=4, doc="Orientation, scalar first."
     ),
-    ("accX", "accY", "accZ"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3),
-    ("gyrX", "gyrY", "gyrZ"): Field(
-        "RateOfTurn", "f8", (3,), unit="rad/s", axes=_XYZ, decimals=4, title="Rate of turn"
-    ),
-    ("magX", "magY", "magZ"): Field(
-        "MagneticField", "f8", (3,), unit="a.u.", axes=_XYZ, decimals=4, title="Magnetic field"
-    ),
-    ("velX", "velY", "velZ"): Field("Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3),
-    ("velN", "velE", "velD"): Field(
-        "VelocityNED", "f8", (3,), unit="m/s", axes=_NED, decimals=3, title="Velocity", frame="NED"
-    ),
-    ("xAccel", "yAccel", "zAccel"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=2),
-    ("accelX", "accelY", "accelZ"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3),
-    ("xAngRate", "yAngRate", "zAngRate"): Field(
-        "RateOfTurn", "f8", (3,), unit="°/s", axes=_XYZ, decimals=3, title="Rate of turn"
-    ),
-    ("gyroX", "gyroY", "gyroZ"): Field(
-        "RateOfTurn", "f8", (3,), unit="°/s", axes=_XYZ, decimals=3, title="Rate of turn"
-    ),
-    ("pqrX", "pqrY", "pqrZ"): Field(
-        "RateOfTurn", "f8", (3,), unit="rad/s", axes=_XYZ, decimals=4, title="Rate of turn", frame="body"
-    ),
-    ("uvwX", "uvwY", "uvwZ"): Field("Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3, frame="body"),
-    ("nedN", "nedE", "nedD"): Field(
-        "LocalPosition", "f8", (3,), unit="m", axes=_NED, decimals=3, title="Local position", frame="NED"
-    ),
-    ("thetaRoll", "thetaPitch", "thetaYaw"): Field(
-        "EulerAngles", "f8", (3,), unit="rad", axes=_EULER, decimals=4, title="Euler angles"
-    ),
-    ("dthetaX", "dthetaY", "dthetaZ"): Field(
-        "RotationIncrement", "f8", (3,), unit="rad", axes=_XYZ, decimals=4, title="Rotation increment"
-    ),
-    ("dvelX", "dvelY", "dvelZ"): Field(
-        "VelocityIncrement", "f8", (3,), unit="m/s", axes=_XYZ, decimals=4, title="Velocity increment"
-    ),
-    ("Roll", "Pitch", "Yaw"): Field(
-        "EulerAngles", "f8", (3,), unit="°", axes=_EULER, decimals=2, title="Euler angles", frame="NED from body"
-    ),
+    ("accX", "accY", "accZ"): _vector("Acceleration", "m/s²", 3),
+    ("gyrX", "gyrY", "gyrZ"): _vector("RateOfTurn", "rad/s", 4, title="Rate of turn"),
+    ("magX", "magY", "magZ"): _vector("MagneticField", "a.u.", 4, title="Magnetic field"),
+    ("velX", "velY", "velZ"): _vector("Velocity", "m/s", 3),
+    ("velN", "velE", "velD"): _vector("VelocityNED", "m/s", 3, _NED, title="Velocity", frame="NED"),
+    ("xAccel", "yAccel", "zAccel"): _vector("Acceleration", "m/s²", 2),
+    ("accelX", "accelY", "accelZ"): _vector("Acceleration", "m/s²", 3),
+    ("xAngRate", "yAngRate", "zAngRate"): _vector("RateOfTurn", "°/s", 3, title="Rate of turn"),
+    ("gyroX", "gyroY", "gyroZ"): _vector("RateOfTurn", "°/s", 3, title="Rate of turn"),
+    ("pqrX", "pqrY", "pqrZ"): _vector("RateOfTurn", "rad/s", 4, title="Rate of turn", frame="body"),
+    ("uvwX", "uvwY", "uvwZ"): _vector("Velocity", "m/s", 3, frame="body"),
+    ("nedN", "nedE", "nedD"): _vector("LocalPosition", "m", 3, _NED, title="Local position", frame="NED"),
+    ("thetaRoll", "thetaPitch", "thetaYaw"): _vector("EulerAngles", "rad", 4, _EULER, title="Euler angles"),
+    ("dthetaX", "dthetaY", "dthetaZ"): _vector("RotationIncrement", "rad", 4, title="Rotation increment"),
+    ("dvelX", "dvelY", "dvelZ"): _vector("VelocityIncrement", "m/s", 4, title="Velocity increment"),
+    ("Roll", "Pitch", "Yaw"): _vector("EulerAngles", "°", 2, _EULER, title="Euler angles", frame="NED from body"),
     ("Quat3", "Quat0", "Quat1", "Quat2"): Field(
         "Quaternion", "f8", (4,), axes=("w", "x", "y", "z"), decimals=4, frame="NED from body", doc="Orientation."
     ),
-    ("MagX", "MagY", "MagZ"): Field(
-        "MagneticField", "f8", (3,), unit="G", axes=_XYZ, decimals=4, title="Magnetic field", frame="body"
+    ("MagX", "MagY", "MagZ"): _vector("MagneticField", "G", 4, title="Magnetic field", frame="body"),
+    ("AccelX", "AccelY", "AccelZ"): _vector("Acceleration", "m/s²", 3, frame="body"),
+    ("BodyAccelX", "BodyAccelY", "BodyAccelZ"): _vector(
+        "TrueAcceleration", "m/s²", 3, title="True acceleration", frame="body"
     ),
-    ("AccelX", "AccelY", "AccelZ"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3, frame="body"),
-    ("BodyAccelX", "BodyAccelY", "BodyAccelZ"): Field(
-        "TrueAcceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3, title="True acceleration", frame="body"
+    ("InertialAccelX", "InertialAccelY", "InertialAccelZ"): _vector(
+        "TrueAccelerationNED", "m/s²", 3, _NED, title="True acceleration", frame="NED"
     ),
-    ("InertialAccelX", "InertialAccelY", "InertialAccelZ"): Field(
-        "TrueAccelerationNED", "f8", (3,), unit="m/s²", axes=_NED, decimals=3, title="True acceleration", frame="NED"
+    ("GyroX", "GyroY", "GyroZ"): _vector("RateOfTurn", "rad/s", 4, title="Rate of turn", frame="body"),
+    ("DeltaThetaX", "DeltaThetaY", "DeltaThetaZ"): _vector(
+        "RotationIncrement", "°", 3, title="Rotation increment", frame="body"
     ),
-    ("GyroX", "GyroY", "GyroZ"): Field(
-        "RateOfTurn", "f8", (3,), unit="rad/s", axes=_XYZ, decimals=4, title="Rate of turn", frame="body"
+    ("DeltaVelX", "DeltaVelY", "DeltaVelZ"): _vector(
+        "VelocityIncrement", "m/s", 3, title="Velocity increment", frame="body"
     ),
-    ("DeltaThetaX", "DeltaThetaY", "DeltaThetaZ"): Field(
-        "RotationIncrement", "f8", (3,), unit="°", axes=_XYZ, decimals=3, title="Rotation increment", frame="body"
-    ),
-    ("DeltaVelX", "DeltaVelY", "DeltaVelZ"): Field(
-        "VelocityIncrement", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3, title="Velocity increment", frame="body"
-    ),
-    ("VelN", "VelE", "VelD"): Field(
-        "VelocityNED", "f8", (3,), unit="m/s", axes=_NED, decimals=3, title="Velocity", frame="NED"
-    ),
-    ("PositionX", "PositionY", "PositionZ"): Field(
-        "Position", "f8", (3,), unit="m", axes=_XYZ, decimals=3, frame="ECEF"
-    ),
-    ("VelocityX", "VelocityY", "VelocityZ"): Field(
-        "Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3, frame="ECEF"
-    ),
+    ("VelN", "VelE", "VelD"): _vector("VelocityNED", "m/s", 3, _NED, title="Velocity", frame="NED"),
+    ("PositionX", "PositionY", "PositionZ"): _vector("Position", "m", 3, frame="ECEF"),
+    ("VelocityX", "VelocityY", "VelocityZ"): _vector("Velocity", "m/s", 3, frame="ECEF"),
 }
 
 

@@ -25,56 +25,23 @@ STANDARD_END = 0x07  # the first number without a meaning
 SECTION = "IDTP v2.1.0, section 4.5.1"
 XYZ = ("x", "y", "z")
 
-ACCELERATION = Field(
-    "Acceleration",
-    "<f4",
-    (3,),
-    unit="m/s²",
-    axes=XYZ,
-    decimals=3,
-    doc="Specific force along the sensor's right-handed axes.",
-    source=SECTION,
+
+def _reading(
+    name: str, unit: str, axes: tuple[str, ...], decimals: int, doc: str, title: str = "", frame: str = ""
+) -> Field:
+    shape = (len(axes),) if axes else ()
+    kind = Field(name, "<f4", shape, title=title, frame=frame, doc=doc, source=SECTION)
+    return replace(kind, unit=unit, axes=axes, decimals=decimals)
+
+
+ACCELERATION = _reading("Acceleration", "m/s²", XYZ, 3, "Specific force along the sensor's right-handed axes.")
+RATE = _reading("RateOfTurn", "rad/s", XYZ, 4, "Rate of turn about the sensor's axes.", title="Rate of turn")
+FIELD = _reading(
+    "MagneticField", "µT", XYZ, 2, "Magnetic flux density along the sensor's axes.", title="Magnetic field"
 )
-RATE = Field(
-    "RateOfTurn",
-    "<f4",
-    (3,),
-    unit="rad/s",
-    axes=XYZ,
-    decimals=4,
-    title="Rate of turn",
-    doc="Rate of turn about the sensor's axes.",
-    source=SECTION,
-)
-FIELD = Field(
-    "MagneticField",
-    "<f4",
-    (3,),
-    unit="µT",
-    axes=XYZ,
-    decimals=2,
-    title="Magnetic field",
-    doc="Magnetic flux density along the sensor's axes.",
-    source=SECTION,
-)
-PRESSURE = Field(
-    "BaroPressure",
-    "<f4",
-    unit="Pa",
-    decimals=1,
-    title="Pressure",
-    doc="Pressure measured by the barometer.",
-    source=SECTION,
-)
-QUATERNION = Field(
-    "Quaternion",
-    "<f4",
-    (4,),
-    axes=("w", "x", "y", "z"),
-    decimals=4,
-    frame="ENU from body",
-    doc="Orientation as a unit quaternion, scalar first.",
-    source=SECTION,
+PRESSURE = _reading("BaroPressure", "Pa", (), 1, "Pressure measured by the barometer.", title="Pressure")
+QUATERNION = _reading(
+    "Quaternion", "", ("w", "x", "y", "z"), 4, "Orientation as a unit quaternion, scalar first.", frame="ENU from body"
 )
 
 WIRE: Mapping[str, tuple[str, ...]] = {

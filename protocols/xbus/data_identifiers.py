@@ -169,6 +169,14 @@ def _row(identifier: int, name: str, dtype: str, shape: tuple[int, ...] = (), **
     return Field(name, dtype, shape, id=identifier, source="MT0101P 5.3.6", **more)  # type: ignore[arg-type]
 
 
+def _vector(identifier: int, name: str, unit: str, decimals: int, **more: object) -> Field:
+    return _row(identifier, name, "real", (3,), unit=unit, axes=XYZ, decimals=decimals, **more)
+
+
+def _quaternion(identifier: int, name: str, decimals: int, **more: object) -> Field:
+    return _row(identifier, name, "real", (4,), axes=_Q, decimals=decimals, **more)
+
+
 ITEMS: tuple[Field, ...] = (
     _row(0x0810, "Temperature", "real", unit="°C", decimals=2, doc="Temperature inside the device."),
     _row(0x1010, "UtcTime", "", fields=UTC_FIELDS, title="UTC time", doc="Time of the sample in UTC."),
@@ -189,16 +197,7 @@ ITEMS: tuple[Field, ...] = (
     _row(0x1090, "PacketCounter8", "u1", title="Packet counter, 8 bit", doc="Counts messages" + _ALSO + "."),
     _row(0x10A0, "SampleTime64", ">u8", title="Sample time, 64 bit", doc="Sample time" + _ALSO + "."),
     _row(0x10B0, "PacketCounter32", ">u4", title="Packet counter, 32 bit", doc="Counts messages" + _ALSO + "."),
-    _row(
-        0x2010,
-        "Quaternion",
-        "real",
-        (4,),
-        axes=_Q,
-        frame="local from body",
-        decimals=4,
-        doc="Orientation, scalar first.",
-    ),
+    _quaternion(0x2010, "Quaternion", 4, frame="local from body", doc="Orientation, scalar first."),
     _row(
         0x2020,
         "RotationMatrix",
@@ -225,38 +224,29 @@ ITEMS: tuple[Field, ...] = (
         doc="Orientation as roll, pitch and yaw, turned about z, then y, then x.",
     ),
     _row(0x3010, "BaroPressure", ">u4", unit="Pa", title="Pressure", doc="Pressure measured by the barometer."),
-    _row(
+    _vector(
         0x4010,
         "DeltaV",
-        "real",
-        (3,),
-        unit="m/s",
-        axes=XYZ,
-        decimals=4,
+        "m/s",
+        4,
         title="Velocity increment",
         doc="Velocity increment since the last sample (strapdown integration).",
     ),
-    _row(0x4020, "Acceleration", "real", (3,), unit="m/s²", axes=XYZ, decimals=3, doc="Calibrated acceleration."),
-    _row(
+    _vector(0x4020, "Acceleration", "m/s²", 3, doc="Calibrated acceleration."),
+    _vector(
         0x4030,
         "FreeAcceleration",
-        "real",
-        (3,),
-        unit="m/s²",
-        axes=XYZ,
+        "m/s²",
+        3,
         frame="local",
-        decimals=3,
         title="Free acceleration",
         doc="Acceleration without gravity, in the local frame.",
     ),
-    _row(
+    _vector(
         0x4040,
         "AccelerationHR",
-        "real",
-        (3,),
-        unit="m/s²",
-        axes=XYZ,
-        decimals=3,
+        "m/s²",
+        3,
         title="Acceleration, high rate",
         doc="Calibrated acceleration at 800 to 2 000 Hz, in separate messages.",
     ),
@@ -281,15 +271,12 @@ ITEMS: tuple[Field, ...] = (
         title="Altitude",
         doc="Altitude above the WGS 84 ellipsoid.",
     ),
-    _row(
+    _vector(
         0x5030,
         "PositionEcef",
-        "real",
-        (3,),
-        unit="m",
-        axes=XYZ,
+        "m",
+        2,
         frame="ECEF",
-        decimals=2,
         title="Position",
         doc="Position, earth-centred and earth-fixed; exceeds the range of the fixed-point formats.",
     ),
@@ -328,35 +315,19 @@ ITEMS: tuple[Field, ...] = (
         title="GNSS pulse",
         doc="Time of the GNSS solution on the SampleTimeFine clock.",
     ),
-    _row(
-        0x8020,
-        "RateOfTurn",
-        "real",
-        (3,),
-        unit="rad/s",
-        axes=XYZ,
-        decimals=4,
-        title="Rate of turn",
-        doc="Calibrated rate of turn.",
-    ),
-    _row(
+    _vector(0x8020, "RateOfTurn", "rad/s", 4, title="Rate of turn", doc="Calibrated rate of turn."),
+    _quaternion(
         0x8030,
         "DeltaQ",
-        "real",
-        (4,),
-        axes=_Q,
-        decimals=6,
+        6,
         title="Orientation increment",
         doc="Rotation since the last sample (strapdown integration).",
     ),
-    _row(
+    _vector(
         0x8040,
         "RateOfTurnHR",
-        "real",
-        (3,),
-        unit="rad/s",
-        axes=XYZ,
-        decimals=4,
+        "rad/s",
+        4,
         title="Rate of turn, high rate",
         doc="Calibrated rate of turn at 800 to 1 600 Hz, in separate messages.",
     ),
@@ -383,23 +354,18 @@ ITEMS: tuple[Field, ...] = (
     _row(0xA030, "RawAcc", ">u2", (3,), axes=XYZ, title="Raw acceleration", doc="Converter readings" + _ALSO + "."),
     _row(0xA040, "RawGyr", ">u2", (3,), axes=XYZ, title="Raw rate of turn", doc="Converter readings" + _ALSO + "."),
     _row(0xA050, "RawMag", ">u2", (3,), axes=XYZ, title="Raw magnetic field", doc="Converter readings" + _ALSO + "."),
-    _row(
+    _quaternion(
         0xA060,
         "RawDeltaQ",
-        "real",
-        (4,),
-        axes=_Q,
-        decimals=6,
+        6,
         title="Raw orientation increment",
         doc="Rotation increment before calibration" + _ALSO + ".",
     ),
-    _row(
+    _vector(
         0xA070,
         "RawDeltaV",
-        "real",
-        (3,),
-        axes=XYZ,
-        decimals=4,
+        "",
+        4,
         title="Raw velocity increment",
         doc="Velocity increment before calibration" + _ALSO + ".",
     ),
@@ -421,40 +387,23 @@ ITEMS: tuple[Field, ...] = (
     ),
     _row(0xB010, "AnalogIn1", ">u2", title="Analogue input 1", doc="Converter reading" + _ALSO + "."),
     _row(0xB020, "AnalogIn2", ">u2", title="Analogue input 2", doc="Converter reading" + _ALSO + "."),
-    _row(
+    _vector(
         0xC020,
         "MagneticField",
-        "real",
-        (3,),
-        unit="a.u.",
-        axes=XYZ,
-        decimals=4,
+        "a.u.",
+        4,
         title="Magnetic field",
         doc="Calibrated magnetic field, relative to its strength at calibration.",
     ),
-    _row(
+    _vector(
         0xC030,
         "MagneticFieldCorrected",
-        "real",
-        (3,),
-        unit="a.u.",
-        axes=XYZ,
-        decimals=4,
+        "a.u.",
+        4,
         title="Magnetic field, corrected",
         doc="Magnetic field with in-run compass calibration" + _ALSO + ".",
     ),
-    _row(
-        0xD010,
-        "VelocityXYZ",
-        "real",
-        (3,),
-        unit="m/s",
-        axes=XYZ,
-        frame="local",
-        decimals=3,
-        title="Velocity",
-        doc="Velocity from the GNSS/INS filter.",
-    ),
+    _vector(0xD010, "VelocityXYZ", "m/s", 3, frame="local", title="Velocity", doc="Velocity from the GNSS/INS filter."),
     _row(
         0xE010,
         "StatusByte",

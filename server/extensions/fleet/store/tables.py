@@ -41,8 +41,8 @@ class StoreTable:
     name: str
     doc: str
     columns: tuple[StoreColumn, ...]
-    partitions: tuple[str, ...] = ("date",)
-    joined: bool = True
+    partitions: tuple[str, ...]
+    joined: bool
 
     @property
     def schema(self) -> pa.Schema:
@@ -53,144 +53,135 @@ def _columns(*rows: tuple[str, pa.DataType, str]) -> tuple[StoreColumn, ...]:
     return tuple(StoreColumn(*row) for row in rows)
 
 
+def _table(
+    name: str,
+    doc: str,
+    keys: tuple[StoreColumn, ...],
+    *rows: tuple[str, pa.DataType, str],
+    partitions: tuple[str, ...] = ("date",),
+    joined: bool = True,
+) -> StoreTable:
+    return StoreTable(name, doc, keys + _columns(*rows), partitions, joined)
+
+
 _KEYS = _columns(
     ("date", DAY, "UTC date on which the recording starts; partition"),
     ("robot", TEXT, "name given to `upload`"),
     ("recording", TEXT, "identifier of the recording: depends on its content and on the robot only"),
 )
-_DEVICE = _columns(("device", TEXT, "identifier of the device within the recording: 1, 2, 1.102"))
+_OF_DEVICE = _KEYS + _columns(("device", TEXT, "identifier of the device within the recording: 1, 2, 1.102"))
 
-RECORDINGS = StoreTable(
+RECORDINGS = _table(
     "recordings",
     "one row for each recording",
-    _KEYS
-    + _columns(
-        ("title", TEXT, "title, or the name of the file"),
-        ("started", TIME, "arrival of the first byte"),
-        ("ended", TIME, "arrival of the last byte"),
-        ("duration_s", REAL, "from the first to the last byte, s"),
-        ("devices", WHOLE, "number of devices"),
-        ("messages", WHOLE, "frames that were received whole, of all devices"),
-        ("lost", WHOLE, "samples that the devices counted and that did not arrive"),
-        ("rejects", WHOLE, "frames that failed their check"),
-        ("markers", WHOLE, "number of markers and notes"),
-        ("tags", TEXT, "tags, separated by commas"),
-        ("notes", TEXT, "notes"),
-        ("damaged", TEXT, "the problem of the file; empty if there is none"),
-        ("name", TEXT, "name of the uploaded file"),
-        ("format", TEXT, "its format: mcap, csv, bin, or that of a vendor's log"),
-        ("object", TEXT, "the recording in the store: robots/ROBOT/DATE/RECORDING.mcap"),
-        ("bytes", WHOLE, "size of the object"),
-        ("checksum", TEXT, "SHA-256 of the object, hexadecimal"),
-        ("host", TEXT, "computer that recorded it"),
-        ("version", TEXT, "version of imuscope that uploaded it"),
-        ("uploaded", TIME, "when it was uploaded"),
-    ),
+    _KEYS,
+    ("title", TEXT, "title, or the name of the file"),
+    ("started", TIME, "arrival of the first byte"),
+    ("ended", TIME, "arrival of the last byte"),
+    ("duration_s", REAL, "from the first to the last byte, s"),
+    ("devices", WHOLE, "number of devices"),
+    ("messages", WHOLE, "frames that were received whole, of all devices"),
+    ("lost", WHOLE, "samples that the devices counted and that did not arrive"),
+    ("rejects", WHOLE, "frames that failed their check"),
+    ("markers", WHOLE, "number of markers and notes"),
+    ("tags", TEXT, "tags, separated by commas"),
+    ("notes", TEXT, "notes"),
+    ("damaged", TEXT, "the problem of the file; empty if there is none"),
+    ("name", TEXT, "name of the uploaded file"),
+    ("format", TEXT, "its format: mcap, csv, bin, or that of a vendor's log"),
+    ("object", TEXT, "the recording in the store: robots/ROBOT/DATE/RECORDING.mcap"),
+    ("bytes", WHOLE, "size of the object"),
+    ("checksum", TEXT, "SHA-256 of the object, hexadecimal"),
+    ("host", TEXT, "computer that recorded it"),
+    ("version", TEXT, "version of imuscope that uploaded it"),
+    ("uploaded", TIME, "when it was uploaded"),
     joined=False,
 )
-DEVICES = StoreTable(
+DEVICES = _table(
     "devices",
     "one row for each device of each recording",
-    _KEYS
-    + _DEVICE
-    + _columns(
-        ("name", TEXT, "displayed name"),
-        ("product", TEXT, "product, as the device reports it"),
-        ("serial_number", TEXT, "serial number, as the device reports it"),
-        ("firmware", TEXT, "version of its firmware"),
-        ("protocol", TEXT, "protocol family"),
-        ("link", TEXT, "kind of link: serial, tcp, udp, file, simulator, …"),
-        ("adapter", TEXT, "serial adapter, by its identity where the port was named by it, else port or kind of link"),
-        ("source", TEXT, "source as given to imuscope"),
-        ("baud", WHOLE, "baud rate of a serial port"),
-        ("duration_s", REAL, "duration of the recording, s"),
-        ("messages", WHOLE, "frames that were received whole"),
-        ("bytes", WHOLE, "bytes received on its link"),
-        ("lost", WHOLE, "samples that it counted and that did not arrive"),
-        ("gaps", WHOLE, "number of losses"),
-        ("rejects", WHOLE, "frames that failed their check"),
-        ("gyro_noise", REAL, "noise density of the gyroscopes by its data sheet, rad/s/√Hz"),
-        ("accelerometer_noise", REAL, "noise density of the accelerometers by its data sheet, m/s²/√Hz"),
-    ),
+    _OF_DEVICE,
+    ("name", TEXT, "displayed name"),
+    ("product", TEXT, "product, as the device reports it"),
+    ("serial_number", TEXT, "serial number, as the device reports it"),
+    ("firmware", TEXT, "version of its firmware"),
+    ("protocol", TEXT, "protocol family"),
+    ("link", TEXT, "kind of link: serial, tcp, udp, file, simulator, …"),
+    ("adapter", TEXT, "serial adapter, by its identity where the port was named by it, else port or kind of link"),
+    ("source", TEXT, "source as given to imuscope"),
+    ("baud", WHOLE, "baud rate of a serial port"),
+    ("duration_s", REAL, "duration of the recording, s"),
+    ("messages", WHOLE, "frames that were received whole"),
+    ("bytes", WHOLE, "bytes received on its link"),
+    ("lost", WHOLE, "samples that it counted and that did not arrive"),
+    ("gaps", WHOLE, "number of losses"),
+    ("rejects", WHOLE, "frames that failed their check"),
+    ("gyro_noise", REAL, "noise density of the gyroscopes by its data sheet, rad/s/√Hz"),
+    ("accelerometer_noise", REAL, "noise density of the accelerometers by its data sheet, m/s²/√Hz"),
 )
-EVENTS = StoreTable(
+EVENTS = _table(
     "events",
     "what happened: losses, rejects, clock steps, answers, user actions, markers and notes",
-    _KEYS
-    + _DEVICE
-    + _columns(
-        ("time", TIME, "when it happened"),
-        ("kind", TEXT, "gap, reject, clock, link, reply, text, marker, note, device or command"),
-        ("level", TEXT, "info, warning or error"),
-        ("text", TEXT, "one sentence"),
-        ("began", TIME, "start of the time it concerns, if it lasts"),
-        ("ended", TIME, "end of that time"),
-        ("samples", WHOLE, "number of samples it concerns"),
-        ("data", TEXT, "further values, JSON"),
-    ),
+    _OF_DEVICE,
+    ("time", TIME, "when it happened"),
+    ("kind", TEXT, "gap, reject, clock, link, reply, text, marker, note, device or command"),
+    ("level", TEXT, "info, warning or error"),
+    ("text", TEXT, "one sentence"),
+    ("began", TIME, "start of the time it concerns, if it lasts"),
+    ("ended", TIME, "end of that time"),
+    ("samples", WHOLE, "number of samples it concerns"),
+    ("data", TEXT, "further values, JSON"),
 )
-LOSSES = StoreTable(
+LOSSES = _table(
     "losses",
     "stretches in which samples are missing",
-    _KEYS
-    + _DEVICE
-    + _columns(
-        ("began", TIME, "last sample before"),
-        ("ended", TIME, "first sample after"),
-        ("duration_s", REAL, "from began to ended, s"),
-        ("samples", WHOLE, "samples that are missing; 0 if it is not known how many"),
-        ("cause", TEXT, "link: the line was away; else what counted them"),
-    ),
+    _OF_DEVICE,
+    ("began", TIME, "last sample before"),
+    ("ended", TIME, "first sample after"),
+    ("duration_s", REAL, "from began to ended, s"),
+    ("samples", WHOLE, "samples that are missing; 0 if it is not known how many"),
+    ("cause", TEXT, "link: the line was away; else what counted them"),
 )
-SETTINGS = StoreTable(
+SETTINGS = _table(
     "settings",
     "settings of the devices at the time of recording",
-    _KEYS
-    + _DEVICE
-    + _columns(
-        ("setting", TEXT, "name in the protocol's document"),
-        ("title", TEXT, "name on the page"),
-        ("field", TEXT, "field of the setting, with its path: outputs[0].rate"),
-        ("value", TEXT, "value as on the wire; lists and the like as JSON"),
-        ("number", REAL, "the value, if it is a number"),
-    ),
+    _OF_DEVICE,
+    ("setting", TEXT, "name in the protocol's document"),
+    ("title", TEXT, "name on the page"),
+    ("field", TEXT, "field of the setting, with its path: outputs[0].rate"),
+    ("value", TEXT, "value as on the wire; lists and the like as JSON"),
+    ("number", REAL, "the value, if it is a number"),
 )
-MINUTES = StoreTable(
+MINUTES = _table(
     "minutes",
     "figures of every signal in every minute: questions over many recordings read these, not the samples",
-    _KEYS
-    + _DEVICE
-    + _columns(
-        ("message", TEXT, "message of the protocol"),
-        ("signal", TEXT, "CHANNEL.COLUMN, as in `imuscope analyse`; CHANNEL.norm is the length of a vector"),
-        ("unit", TEXT, "unit of the values"),
-        (
-            "quantity",
-            TEXT,
-            "rate of turn, acceleration, free acceleration, magnetic field, temperature, pressure, or empty",
-        ),
-        ("axis", TEXT, "x, y, z, w, norm, or empty"),
-        ("minute", TIME, "start of the minute"),
-        ("count", WHOLE, "finite samples"),
-        ("min", REAL, "least value"),
-        ("max", REAL, "greatest value"),
-        ("mean", REAL, "mean; of an angle that wraps, the short way round"),
-        ("sigma", REAL, "standard deviation"),
-        ("rms", REAL, "root mean square"),
-        ("rate", REAL, "samples per second"),
-        ("noise", REAL, "white noise, unit/√Hz, from second differences: what moves slowly does not count"),
+    _OF_DEVICE,
+    ("message", TEXT, "message of the protocol"),
+    ("signal", TEXT, "CHANNEL.COLUMN, as in `imuscope analyse`; CHANNEL.norm is the length of a vector"),
+    ("unit", TEXT, "unit of the values"),
+    (
+        "quantity",
+        TEXT,
+        "rate of turn, acceleration, free acceleration, magnetic field, temperature, pressure, or empty",
     ),
+    ("axis", TEXT, "x, y, z, w, norm, or empty"),
+    ("minute", TIME, "start of the minute"),
+    ("count", WHOLE, "finite samples"),
+    ("min", REAL, "least value"),
+    ("max", REAL, "greatest value"),
+    ("mean", REAL, "mean; of an angle that wraps, the short way round"),
+    ("sigma", REAL, "standard deviation"),
+    ("rms", REAL, "root mean square"),
+    ("rate", REAL, "samples per second"),
+    ("noise", REAL, "white noise, unit/√Hz, from second differences: what moves slowly does not count"),
 )
-SAMPLES = StoreTable(
+SAMPLES = _table(
     "samples",
     "samples of all signals: a row for each packet, a column for each signal and unit, NULL in packets without it",
-    _KEYS
-    + _DEVICE
-    + _columns(
-        ("message", TEXT, "message of the protocol"),
-        ("time", TIME, "time of the sample"),
-        ("entry", WHOLE, "number of an entry of a list in the packet, such as a satellite, from 1; NULL: the packet"),
-    ),
+    _OF_DEVICE,
+    ("message", TEXT, "message of the protocol"),
+    ("time", TIME, "time of the sample"),
+    ("entry", WHOLE, "number of an entry of a list in the packet, such as a satellite, from 1; NULL: the packet"),
     partitions=("date", "robot"),
 )
 TABLES: Mapping[str, StoreTable] = {
