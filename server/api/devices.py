@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from fastapi import Depends, Response
-from pydantic import BaseModel, ConfigDict, Field, SecretStr, create_model
+from pydantic import BaseModel, Field, SecretStr, create_model
 
 from imuscope.protocols.family.decode_options import DecodeOption
 from imuscope.server import wire
@@ -39,10 +39,8 @@ def bad_setting(error: DecodeOptionError) -> DomainError:
     return DomainError("bad-setting", f"{str(error)[:1].upper()}{str(error)[1:]}.", SETTINGS_HINT)
 
 
-class _ProtocolBody(BaseModel):
+class _ProtocolBody(BaseModel, extra="forbid"):
     """Decode options of a source."""
-
-    model_config = ConfigDict(extra="forbid")
 
     protocol: str = Field("", max_length=40, description="name of the protocol; empty to detect it")
 
@@ -207,10 +205,8 @@ async def read_device(body: DecodeOptionsBody, services: TheServices, session: O
     return session.info
 
 
-class NameDeviceRequest(BaseModel):
+class NameDeviceRequest(BaseModel, extra="forbid"):
     """A name of one's own for a device."""
-
-    model_config = ConfigDict(extra="forbid")
 
     name: str = Field(max_length=1000, description="empty: none any more", examples=["left wheel"])
 
@@ -228,10 +224,8 @@ async def name_device(device: str, body: NameDeviceRequest, services: TheService
     return named.info
 
 
-class RearmDeviceRequest(BaseModel):
+class RearmDeviceRequest(BaseModel, extra="forbid"):
     """Device whose sequence may restart."""
-
-    model_config = ConfigDict(extra="forbid")
 
     sender: str = Field(
         "",

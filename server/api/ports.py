@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
@@ -15,10 +15,8 @@ from imuscope.server.links.ports import PortInfo, list_ports, scan
 router = lazy_router(prefix="/api/ports", tags=["ports"])
 
 
-class ScanPortsRequest(BaseModel):
+class ScanPortsRequest(BaseModel, extra="forbid"):
     """Choice of serial ports to scan for devices."""
-
-    model_config = ConfigDict(extra="forbid")
 
     ports: list[str] | None = Field(None, max_length=64, description="paths; null for every port that is present")
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from fastapi import Query, Request
 from fastapi.responses import Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.registry.families import PROTOCOLS
@@ -80,10 +80,8 @@ class CalibrationState(BaseModel):
     )
 
 
-class CalibrationOptionsBody(BaseModel):
+class CalibrationOptionsBody(BaseModel, extra="forbid"):
     """Calibration inputs that no device can report."""
-
-    model_config = ConfigDict(extra="forbid")
 
     field: float = Field(
         0.0, ge=0, le=1e6, description="strength of the magnetic field there, in the unit of the signal; 0: unknown"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from fastapi import Request
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
@@ -36,13 +36,11 @@ MOST_PACKED = 20_000_000  # bytes of an archive that is unpacked to look for a q
 Heading = Annotated[str, Field(max_length=LONGEST)]
 
 
-class FileReadingBody(BaseModel):
+class FileReadingBody(BaseModel, extra="forbid"):
     """Choices on how a recording is read; "" and 0 where the file decides.
 
     Those of tables are the options of the command line, and `clock` that of devices and messages.
     """
-
-    model_config = ConfigDict(extra="forbid")
 
     time_column: Heading = Field("", description='heading or number of the column of times; "none" counts the rows')
     unit: Literal["", "s", "ms", "us", "ns"] = Field("", description="of the times")

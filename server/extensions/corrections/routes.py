@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.registry.families import PROTOCOLS
@@ -97,10 +97,8 @@ def parts(services: Services) -> Iterator[ServicePart]:
 router = lazy_router(prefix="/api/devices/{device}", tags=["corrections"])
 
 
-class CorrectionsRequest(BaseModel):
+class CorrectionsRequest(BaseModel, extra="forbid"):
     """A stream to forward."""
-
-    model_config = ConfigDict(extra="forbid")
 
     source: str = Field(
         min_length=1,

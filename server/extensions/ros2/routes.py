@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
@@ -14,10 +14,8 @@ from imuscope.server.services.services import Services
 router = lazy_router(prefix="/api/ros2", tags=["ros2"])
 
 
-class SwitchTopicRequest(BaseModel):
+class SwitchTopicRequest(BaseModel, extra="forbid"):
     """A topic to publish, or no longer."""
-
-    model_config = ConfigDict(extra="forbid")
 
     key: str = Field(min_length=1, max_length=500, description="of the topic, as listed")
     enabled: bool

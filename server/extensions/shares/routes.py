@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from fastapi import Path, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.devices import OneSession
@@ -20,10 +20,8 @@ from imuscope.server.services.services import Services
 router = lazy_router(prefix="/api/devices/{device}/shares", tags=["shares"])
 
 
-class AddShareRequest(BaseModel):
+class AddShareRequest(BaseModel, extra="forbid"):
     """Address at which the port of a device is shared."""
-
-    model_config = ConfigDict(extra="forbid")
 
     address: str = Field(
         min_length=1,

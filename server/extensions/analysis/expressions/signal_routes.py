@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
@@ -41,10 +41,8 @@ class ComputedSignal(BaseModel):
     hint: str
 
 
-class SignalText(BaseModel):
+class SignalText(BaseModel, extra="forbid"):
     """The definition of a computed signal."""
-
-    model_config = ConfigDict(extra="forbid")
 
     expression: str = Field(min_length=1, max_length=MAX_TEXT)
 
