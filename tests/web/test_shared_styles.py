@@ -28,7 +28,7 @@ def test_no_two_style_sheets_have_the_same_rule() -> None:
         for selector, body in rules(path.read_text(encoding="utf-8")):
             if len(body) >= LEAST:
                 places[body].append((path.relative_to(SOURCES), selector))
-    assert len(places) > 400
+    assert len(places) > 300
     twice = [found for found in places.values() if len({path for path, _ in found}) > 1]
     assert not twice, "share a class:\n" + "\n".join(
         " = ".join(f"{path}: {selector}" for path, selector in found) for found in twice

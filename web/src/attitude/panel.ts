@@ -82,7 +82,7 @@ function mountNone(host: HTMLElement, deps: Deps, channels: readonly Channel[]):
   const ofFamily = protocolOf(device?.protocol)?.attitude_hint ?? "";
   const hint = raw ? TEXT.payloadsUndefined : attitudeHint(channels, ofFamily);
   const words = el("p", {}, hint);
-  const box = el("div", { class: "no-orientation" }, el("h2", {}, TEXT.noOrientation), words);
+  const box = el("div", { class: "no-orientation mid" }, el("h2", {}, TEXT.noOrientation), words);
   host.append(box);
   return { update: () => undefined, dispose: () => box.remove() };
 }

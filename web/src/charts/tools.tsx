@@ -6,7 +6,7 @@ import { type ChoiceOption, Select } from "../ui/controls/choices";
 import "./tools.css";
 
 export function ChartTools({ children }: { readonly children: ComponentChildren }) {
-  return <div class="chart-tools">{children}</div>;
+  return <div class="chart-tools flex-row">{children}</div>;
 }
 
 interface PairProps {
@@ -56,7 +56,7 @@ interface ChartSelectProps {
 
 export function ChartSelect({ label, value, options, onChange }: ChartSelectProps) {
   return (
-    <label class="chart-choice">
+    <label class="chart-choice flex-row mid text-sm">
       <span aria-hidden="true">{label}</span>
       <Select label={label} value={value} options={options} onChoose={onChange} />
     </label>

@@ -297,7 +297,7 @@ function SecretInput({ entry, input, field }: SecretProps) {
 
 function Examples({ take }: { readonly take: (example: string) => void }) {
   return (
-    <ul class="examples" id="source-examples" aria-label={TEXT.examples}>
+    <ul class="examples dim text-xs" id="source-examples" aria-label={TEXT.examples}>
       {capabilities.value.links
         .flatMap(({ examples }) => examples)
         .map(({ source: example, words }) => (

@@ -51,7 +51,7 @@ export function BudgetBar({ load, before, baud, rates, changed, hot, hover, chil
         {children}
       </div>
       {over && (
-        <p class="over-capacity-words" role="status">
+        <p class="over-capacity-words text-sm" role="status">
           <span class="dot bad" /> {over}
         </p>
       )}

@@ -69,16 +69,16 @@ export function Field({ sheet, field, path }: InputProps) {
       onPointerLeave={() => sheet.hover("")}
       onFocusCapture={() => sheet.hover(row)}
     >
-      <div class="field-name">
+      <div class="field-name text-sm">
         {SINGLE.has(field.editor) ? <label for={id}>{title}</label> : <span>{title}</span>}
         {field.read_only && <span class="tag">{COMMON.readOnly}</span>}
         {field.doc !== "" && (
-          <p class="field-help" id={`${id}-doc`}>
+          <p class="field-help dim text-xs" id={`${id}-doc`}>
             {field.doc}
           </p>
         )}
       </div>
-      <div class="field-input">
+      <div class="field-input flex-row">
         <FieldEditor sheet={sheet} field={field} path={path} describedBy={field.doc ? `${id}-doc` : undefined} />
         {was !== undefined && was !== null && !isBlock && (
           <span class="previous">{TEXT.wasValue(valueWords(field, was))}</span>

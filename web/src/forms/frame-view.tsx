@@ -43,8 +43,10 @@ export function BytesView({ frames, changed, hot, hover }: Props) {
       {frames.slice(0, MAX_FRAMES).map((frame, k) => (
         <Frame key={k} frame={frame} named={frames.length > 1} changed={changed} hot={hot} hover={hover} />
       ))}
-      {frames.length > MAX_FRAMES && <p class="dim hex-description">{TEXT.moreFrames(frames.length - MAX_FRAMES)}</p>}
-      <p class="hex-description" aria-hidden="true">
+      {frames.length > MAX_FRAMES && (
+        <p class="dim hex-description flex-wrap mid text-xs">{TEXT.moreFrames(frames.length - MAX_FRAMES)}</p>
+      )}
+      <p class="hex-description flex-wrap mid text-xs" aria-hidden="true">
         {pointedAt.slice(0, 6).map(({ bytes, words }, k) => (
           <span key={k}>
             <span class="mono">{bytes}</span> {words}
@@ -64,7 +66,7 @@ function Frame({
 }: Omit<Props, "frames"> & { readonly frame: FrameInfo; readonly named: boolean }) {
   return (
     <>
-      {named && <p class="dim hex-name">{frame.name}</p>}
+      {named && <p class="dim hex-name text-xs">{frame.name}</p>}
       <div class="hex" onPointerLeave={() => hover("")}>
         {chipsOf(frame).map(({ key, bytes, words, path }) => (
           <span

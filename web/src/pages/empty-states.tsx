@@ -60,7 +60,7 @@ export function Empty({ app }: Props) {
       hint={ports.value.length > 0 ? undefined : TEXT.noSerialPort}
     >
       {ports.value.length > 0 && (
-        <ol class="attempts">
+        <ol class="attempts mid text-sm">
           {ports.value.map((port) => (
             <li key={port.device}>
               <b>{shortSource(port.device)}</b>
@@ -196,7 +196,7 @@ function Attempts({ device }: { readonly device: DeviceInfo }) {
   const attempts = device.attempts.filter(({ outcome }) => outcome !== device.message).slice(-12);
   if (attempts.length === 0) return null;
   return (
-    <ol class="attempts" aria-label={TEXT.attempts} aria-live="polite" tabIndex={0}>
+    <ol class="attempts mid text-sm" aria-label={TEXT.attempts} aria-live="polite" tabIndex={0}>
       {attempts.map((one) => (
         <li key={`${one.time} ${one.what}`}>
           <b>{one.what}</b>

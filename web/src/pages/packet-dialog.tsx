@@ -92,7 +92,7 @@ export function PacketDialog({ at, name, onClose }: Props) {
   return (
     <Dialog title={TEXT.packetOf(name)} wide onClose={onClose}>
       <div class="packet" role="group" aria-label={TEXT.packet}>
-        <ol class="packet-neighbours" aria-label={TEXT.neighbours}>
+        <ol class="packet-neighbours text-sm" aria-label={TEXT.neighbours}>
           {packets.map((one, n) => (
             <li key={`${one.arrival} ${one.rank}`}>
               <button type="button" aria-current={n === place.value} onClick={() => select(n)}>
@@ -104,7 +104,7 @@ export function PacketDialog({ at, name, onClose }: Props) {
             </li>
           ))}
         </ol>
-        <div class="packet-frame">
+        <div class="packet-frame flex-column">
           {problem.value && <ProblemNote problem={problem.value} />}
           {!packet && !problem.value && <p role="status">{TEXT.loading}</p>}
           {packet && (

@@ -195,7 +195,7 @@ export function Record({ app }: { readonly app: App }) {
       >
         <i class="record-dot" />
         <span class="recording-time">{asking.value ? TEXT.shiftR : time}</span>
-        <span class="recording-size desk">
+        <span class="recording-size mid desk">
           {size.value}
           <span class="unit">{size.unit}</span>
         </span>

@@ -63,8 +63,8 @@ export function TopBar({ app, deps }: Props & { readonly deps?: Deps }) {
   const bar = useRef<HTMLElement>(null);
   useFit(bar, STEPS_OF_FULL_BAR);
   return (
-    <header class="bar" ref={bar}>
-      <div class="brand">
+    <header class="bar flex-row" ref={bar}>
+      <div class="brand flex-row">
         <Logo />
         <span>imuscope</span>
         <small class="desk ellipsis">{location.hostname}</small>

@@ -18,7 +18,7 @@ const ROOM = 0.5;
 
 function mountEvents(host: HTMLElement, deps: Deps): Panel {
   const sort = deps.eventSort;
-  const list = el("ol", { class: "event-list" });
+  const list = el("ol", { class: "event-list text-xs" });
   const none = el("p", { class: "foot-note dim" });
   const choice = el(
     "select",

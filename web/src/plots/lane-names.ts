@@ -20,7 +20,7 @@ import { TEXT } from "../texts/plots";
 export class LaneNames {
   lanes: readonly Lane[] = [];
   /** The explaining line; always there, so that nothing moves when its text changes. */
-  readonly say = el("p", { class: "lane-description ellipsis", "aria-live": "polite" });
+  readonly say = el("p", { class: "lane-description dim ellipsis", "aria-live": "polite" });
   readonly #box: HTMLElement;
   readonly #list = el("div", { class: "lane-names" });
   /** Number of hidden lanes of interest; all may be requested. */

@@ -18,7 +18,7 @@ import "./plots.css";
 
 class LanesPanel {
   readonly #deps: Deps;
-  readonly #root = el("div", { class: "stack lanes-stack" });
+  readonly #root = el("div", { class: "stack flex-column lanes-stack" });
   readonly #box = el("div", { class: "lane-box" });
   readonly #sheet = new CanvasLayer(el("canvas", { role: "img", "aria-label": TEXT.statusLanesLabel }));
   readonly #axis = new CanvasLayer(el("canvas", { role: "img", "aria-label": COMMON.timeAxis }));

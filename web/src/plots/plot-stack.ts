@@ -70,7 +70,7 @@ class Stack implements Panel {
   readonly #whole: StackDeps["bounds"];
   readonly #markers: () => readonly MarkLine[];
   readonly #layers: readonly MarkLayer[];
-  readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": COMMON.plots });
+  readonly #root = el("div", { class: "stack flex-column", tabindex: "0", role: "group", "aria-label": COMMON.plots });
   readonly #glass = new CanvasLayer(el("canvas", { class: "cursor-layer", "aria-hidden": "true" }));
   readonly #more: MoreQuantities;
   readonly #lanesBox = el("div", { class: "lane-box" });

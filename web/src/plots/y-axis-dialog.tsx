@@ -80,7 +80,7 @@ function Form({ viewState, plot, range }: Props) {
             </span>
           </label>
         ))}
-        <label class="y-axis-log">
+        <label class="y-axis-log flex-row">
           <input
             type="checkbox"
             checked={isLog.value}

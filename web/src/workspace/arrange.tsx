@@ -37,7 +37,7 @@ export function ArrangeTools({ app, deps }: Props) {
         />
       )}
       {!session.arranging.value && session.problems.value.length > 0 && (
-        <div class="workspace-note" role="alert">
+        <div class="workspace-note text-sm" role="alert">
           {session.problems.value.map((text) => (
             <p key={text}>{text}</p>
           ))}

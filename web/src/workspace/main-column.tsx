@@ -39,7 +39,7 @@ export function MainColumn({ app, deps, mountPlots, children, under }: Props) {
               data-panel="plots"
               tabIndex={-1}
             >
-              <PanelHost class="plot-host" label={COMMON.plots} mount={mountPlots} />
+              <PanelHost class="plot-host flex-column" label={COMMON.plots} mount={mountPlots} />
             </div>
             {under}
           </Fragment>

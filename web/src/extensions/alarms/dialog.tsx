@@ -247,7 +247,7 @@ function ConditionFields({ fields, set, channels, check }: FieldProps) {
           onInput={(event) => set({ expression: event.currentTarget.value })}
         />
       </label>
-      <div id="alarm-condition-note" class="alarm-note" role="status">
+      <div id="alarm-condition-note" class="alarm-note mid text-xs" role="status">
         {isWrong ? <Mistake text={expression} check={check} /> : check?.notes.join(" ") || TEXT.conditionHelp}
       </div>
       <label>

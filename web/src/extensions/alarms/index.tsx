@@ -33,7 +33,7 @@ function OfferedAlarms({ session, deps, said }: CompanionProps) {
   return (
     <>
       {offered.value.length > 0 && (
-        <div class="stored-offer" role="status">
+        <div class="stored-offer text-sm" role="status">
           <p>{TEXT.hasAlarms(offered.value.length, offered.value.map(({ name }) => name).join(", "))}</p>
           <div class="stored-row control-row">
             <Button changes look="edge" words={TEXT.addAlarms(offered.value.length)} onClick={() => void add()} />

@@ -37,7 +37,7 @@ function AlarmPanel({ deps, alarms, state }: Props) {
     <>
       {own.length === 0 && <p class="foot-note dim">{TEXT.none}</p>}
       {own.length > 0 && (
-        <ul class="alarm-list">
+        <ul class="alarm-list text-sm">
           {own.map((one) => (
             <Row key={one.alarm.id} one={one} deps={deps} alarms={alarms} state={state} />
           ))}
@@ -46,7 +46,7 @@ function AlarmPanel({ deps, alarms, state }: Props) {
       {idle.length > 0 && (
         <>
           <p class="foot-note dim">{TEXT.elsewhere}</p>
-          <ul class="alarm-list">
+          <ul class="alarm-list text-sm">
             {idle.map((alarm) => (
               <li key={alarm.id} class="alarm-row control-row">
                 <span class="dim">{alarm.definition.name}</span>
@@ -122,13 +122,13 @@ function Row({ one, deps, alarms, state }: Props & { readonly one: AlarmOnDevice
         />
       )}
       <EditButton alarm={alarm} deps={deps} />
-      <span class="alarm-facts mid text-xs">
+      <span class="alarm-facts flex-wrap mid text-xs">
         <span class="mono">{conditionText(alarm.definition)}</span>
         {factsOf(now).map((text) => (
           <span key={text}>{text}</span>
         ))}
       </span>
-      {now.problem !== "" && <span class="alarm-facts mid text-xs">{now.problem}</span>}
+      {now.problem !== "" && <span class="alarm-facts flex-wrap mid text-xs">{now.problem}</span>}
       {isAsking && <Acknowledge one={one} alarms={alarms} state={state} />}
     </li>
   );

@@ -47,11 +47,11 @@ export function PreviewNote({ stamp, source, recorded }: Props) {
   const more = (found.value?.times ?? 0) - shown.length;
   return (
     <>
-      <p class="alarm-note" role="status">
+      <p class="alarm-note mid text-xs" role="status">
         {found.value && previewWords(found.value, recorded !== undefined)}
       </p>
       {recorded && shown.length > 0 && (
-        <ul class="alarm-times" aria-label={TEXT.raisedAt}>
+        <ul class="alarm-times flex-wrap text-sm" aria-label={TEXT.raisedAt}>
           {shown.map(({ t0, t1, worst }) => {
             const long = span((t1 ?? t0) - t0);
             return (

@@ -141,7 +141,7 @@ function Verdicts({ figures }: Figures) {
   const rows = figures.flatMap((one) => verdictsOf(one).map((verdict) => ({ verdict, signal: one.signal })));
   if (rows.length === 0) return null;
   return (
-    <ul class="analysis-verdicts" aria-label={TEXT.verdicts}>
+    <ul class="analysis-verdicts text-sm" aria-label={TEXT.verdicts}>
       {rows.map(({ verdict, signal }) => (
         <li key={`${signal} ${verdict.parameter}`} class={verdict.state}>
           <b>{TEXT.verdict[verdict.state]}</b>

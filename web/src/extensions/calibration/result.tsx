@@ -28,7 +28,7 @@ export function CalibrationResult({
         ))}
       </dl>
       {report.trace && <Trace trace={report.trace} />}
-      <div class="calibration-numbers">
+      <div class="calibration-numbers flex-wrap">
         {correction.bias.some((value) => value !== 0) && (
           <table>
             <caption>

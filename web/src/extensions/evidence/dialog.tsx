@@ -105,7 +105,7 @@ export function EvidenceDialog(props: Props) {
         />
         <p class="dim">{TEXT.what}</p>
         {children}
-        <label class="leave-out">
+        <label class="leave-out text-sm">
           <input
             type="checkbox"
             checked={leavesOut.value}

@@ -59,7 +59,7 @@ export function ExpressionInput({ text, names, words, mistake, onEnter }: Props)
         />
       </span>
       {place && (
-        <div class="expression-place" aria-hidden="true">
+        <div class="expression-place mid text-sm" aria-hidden="true">
           <MarkedMistake text={text.value} {...place} />
         </div>
       )}

@@ -28,7 +28,7 @@ export function FirstRows({ table }: { readonly table: TablePreview }) {
   const groups = groupsOf(table.columns);
   const inOrder = groups.flatMap(({ columns }) => columns);
   return (
-    <div class="table-rows" tabIndex={0} role="region" aria-label={TEXT.firstRows}>
+    <div class="table-rows text-sm" tabIndex={0} role="region" aria-label={TEXT.firstRows}>
       <table>
         <thead>
           <tr>

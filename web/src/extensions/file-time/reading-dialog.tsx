@@ -129,7 +129,7 @@ function Choices({ table, reading }: ChoicesProps) {
   const column = value.time_column || table.time_column;
   const asksOrder = table.about === "order" || value.date_order !== "";
   return (
-    <div class="table-choices">
+    <div class="table-choices flex-wrap">
       <div>
         <label for="table-times">{TEXT.timeColumn}</label>
         <Select
@@ -205,7 +205,7 @@ function Facts({ table }: { readonly table: TablePreview }) {
     ...(first === null || first === undefined ? [] : [TEXT.startsAt(dateWords(first, true))]),
   ];
   return (
-    <div class="table-facts">
+    <div class="table-facts text-sm">
       <p>{facts.join(" · ")}</p>
       {table.sentences.map((sentence) => (
         <p key={sentence} class="dim">

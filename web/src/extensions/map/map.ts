@@ -30,7 +30,7 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
     "aria-label": TEXT.trackHelp,
   });
   const [fix, where] = [new LiveText(), new LiveText()];
-  const key = el("ul", { class: "track-key", "aria-label": TEXT.fixTypes });
+  const key = el("ul", { class: "track-key flex-wrap mid text-xs", "aria-label": TEXT.fixTypes });
   const tools = el("div", { class: "track-tools" });
   host.append(
     el("p", { class: "track-summary mid text-sm" }, el("b", {}, fix.node), " ", where.node),
@@ -120,7 +120,7 @@ function mountMap(box: HTMLElement, tools: HTMLElement, to: Surface, changed: ()
     });
     tools.append(button);
     credit.set(outcome.value.attribution);
-    box.append(el("p", { class: "attribution" }, el("span", { class: "tagless" }, words.node), " ", credit.node));
+    box.append(el("p", { class: "attribution mid" }, el("span", { class: "tagless" }, words.node), " ", credit.node));
     changed();
   });
   const draw =

@@ -104,7 +104,7 @@ export function GoTo({ deps }: { readonly deps: UnderPlots }) {
   const problem = said !== undefined && "problem" in said ? said.problem : undefined;
   return (
     <form
-      class="go-to"
+      class="go-to flex-row text-sm"
       aria-label={TEXT.title}
       onSubmit={(event) => {
         event.preventDefault();

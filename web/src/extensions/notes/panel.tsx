@@ -101,7 +101,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   if (stored.value === undefined) return note ?? <p class="foot-note dim" aria-busy="true" />;
   if (before.value === undefined) {
     return (
-      <div class="notes-panel">
+      <div class="notes-panel text-sm">
         <p class="notes-text">
           {stored.value === "" && <span class="dim">{TEXT.empty}</span>}
           {piecesOf(stored.value, first ?? 0).map(({ text, t0, t1 }, k) =>
@@ -126,7 +126,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   }
   return (
     <form
-      class="notes-panel"
+      class="notes-panel text-sm"
       onSubmit={(event) => {
         event.preventDefault();
         void save();

@@ -35,7 +35,7 @@ class Entry {
     head.append(el("span", { class: "dim num" }, this.#figures.node));
     head.title = payload.doc;
     this.#bytes.setAttribute("aria-label", TEXT.newestPayload(payload.name));
-    this.root = el("details", { class: "raw-payload" }, head, this.#bytes);
+    this.root = el("details", { class: "raw-payload text-xs" }, head, this.#bytes);
     this.root.open = open;
     const bytes = el(
       "button",

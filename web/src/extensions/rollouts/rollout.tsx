@@ -115,7 +115,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
           ))}
         </tbody>
       </table>
-      <div class="adopt control-row">
+      <div class="adopt text-sm control-row">
         <Button
           look="main"
           words={ready.length > 1 ? TEXT.applyToDevices(ready.length) : TEXT.applyProfile}

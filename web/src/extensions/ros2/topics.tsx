@@ -74,8 +74,8 @@ function State({ state, device, flip }: StateProps) {
 function Topic({ topic, flip }: { readonly topic: RosTopic; readonly flip: StateProps["flip"] }) {
   const sent = bytes(topic.bytes);
   return (
-    <li class="ros-topic">
-      <label class="ros-topic-head">
+    <li class="ros-topic text-sm">
+      <label class="ros-topic-head flex-row">
         <input
           disabled={isViewOnly.value}
           type="checkbox"

@@ -95,7 +95,7 @@ function Changes({ changes }: { readonly changes: readonly SettingsChange[] }) {
       <b>{TEXT.changedByPrograms}</b>
       <ul>
         {changes.map((change) => (
-          <li key={change.time} class="port-client">
+          <li key={change.time} class="port-client text-sm">
             <div class="dim">{TEXT.changedBy(change.client, clock(change.time))}</div>
             <dl>
               {change.rows.map(({ title, before, after }) => (
@@ -160,7 +160,7 @@ function Client({ client, share, state }: ClientProps) {
   const lost = client.dropped_frames > 0 ? TEXT.frames(client.dropped_frames) : quantity(client.dropped_bytes);
   const access = client.may_write ? TEXT.mayWrite : TEXT.readsOnly;
   return (
-    <li class="port-client">
+    <li class="port-client text-sm">
       <div class="control-row">
         {client.name !== share.name && <b>{client.name}</b>}
         <span>{client.waits ? `${access}, ${TEXT.waitsForItsTurn}` : access}</span>

@@ -122,7 +122,7 @@ function Log({ model, wanted: { text: filter, direction } }: { readonly model: M
         <Button look="small earlier" words={TEXT.earlier} onClick={() => void log.loadOlder()} />
       )}
       {entries.length === 0 && (
-        <p class="dim log-empty">{log.entries.value.length > 0 ? TEXT.noFilterMatch : TEXT.noTraffic}</p>
+        <p class="dim log-empty text-sm">{log.entries.value.length > 0 ? TEXT.noFilterMatch : TEXT.noTraffic}</p>
       )}
       <ol class="log">
         {entries.map((entry) => (

@@ -185,7 +185,7 @@ function More({ session, deps, list, run, said }: MoreProps) {
         )}
       </div>
       {name !== undefined && family !== "" && (
-        <label class="stored-check">
+        <label class="stored-check flex-row text-sm">
           <input
             disabled={isViewOnly.value}
             type="checkbox"

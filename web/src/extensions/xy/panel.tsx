@@ -68,8 +68,8 @@ class XyPlot {
   constructor(host: HTMLElement, deps: Deps) {
     this.#deps = deps;
     this.#server = deps.samples && new ServerPairs(deps.samples.source);
-    const foot = el("p", { class: "xy-foot" }, this.#about.node, this.#key);
-    const reading = el("p", { class: "xy-reading" }, this.#reading.node);
+    const foot = el("p", { class: "xy-foot flex-wrap mid text-xs" }, this.#about.node, this.#key);
+    const reading = el("p", { class: "xy-reading text-xs" }, this.#reading.node);
     host.append(this.#tools, el("div", { class: "xy-picture" }, this.#canvas, reading), foot);
     render(<XyTools deps={deps} />, this.#tools);
     this.#listen();

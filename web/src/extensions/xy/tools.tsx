@@ -86,7 +86,7 @@ function SignalSelect({ label, signals, value, onChange }: Props) {
   const at = (found: Found): string =>
     String(signals.findIndex(({ channel, column }) => channel === found.channel && column === found.column));
   return (
-    <label class="chart-choice">
+    <label class="chart-choice flex-row mid text-sm">
       <span aria-hidden="true">{label}</span>
       <span class="select">
         <select

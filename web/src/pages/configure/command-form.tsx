@@ -56,7 +56,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
       <Words form={form} />
       {form.arguments.length > 0 && <FieldList sheet={sheet} fields={form.arguments} />}
       <LooseProblems problems={loose} />
-      <div class="send-row">
+      <div class="send-row flex-row text-sm">
         <Button
           look={form.caution ? "edge" : "main"}
           icon="right"

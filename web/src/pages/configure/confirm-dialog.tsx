@@ -26,7 +26,7 @@ export function Ask({ asked, close }: { readonly asked: Question; readonly close
           <Message text={words} />
         </p>
       ))}
-      <div class="question-actions">
+      <div class="question-actions flex-wrap">
         <Button look="main" words={TEXT.leaveUnchanged} ref={safe} onClick={close} />
         <Button look="edge" words={asked.go} onClick={act} />
       </div>

@@ -61,7 +61,7 @@ function Row({ model, form, kind }: RowProps) {
         <span class="dim mono ellipsis">{form.name}</span>
         <span class="grow" />
         {form.caution ? <span class="tag">▲ {CAUTIONS[form.caution]}</span> : <span class="dim">{kind}</span>}
-        {form.doc !== "" && <span class="field-help">{form.doc}</span>}
+        {form.doc !== "" && <span class="field-help dim text-xs">{form.doc}</span>}
       </a>
     </li>
   );

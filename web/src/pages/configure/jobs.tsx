@@ -66,7 +66,7 @@ export function StopJob({ model, job }: { readonly model: Model; readonly job: J
 export function Outcomes({ outcomes }: { readonly outcomes: readonly FieldOutcome[] }) {
   if (outcomes.length === 0) return null;
   return (
-    <ul class="outcomes" aria-label={TEXT.differences}>
+    <ul class="outcomes text-sm" aria-label={TEXT.differences}>
       {outcomes.map((one) => (
         <li key={`${one.setting} ${one.path}`}>
           <span class={`tag ${one.actual ? "warn" : "bad"}`}>{one.actual ? TEXT.alteredMark : TEXT.rejectedMark}</span>{" "}

@@ -74,7 +74,7 @@ export function ConfigurePage({ app }: { readonly app: App }) {
       <TopBar app={app} />
       {offline && <OfflineBand app={app} />}
       <ConfigureRail app={app} model={model} />
-      <main class="settings-form" id="form" tabIndex={-1}>
+      <main class="settings-form flex-column" id="form" tabIndex={-1}>
         <ProblemBand app={app} />
         <LinkedBand app={app} />
         {model ? (
@@ -118,7 +118,7 @@ export function Centre({ model, app }: { readonly model: Model; readonly app: Ap
       <ProblemLine model={model} />
       <UnreadSettings model={model} />
       {forms.note && model.isRead.value && <p class="hint inset">{forms.note}</p>}
-      <div class="places" key={`${model.id} ${place.kind} ${place.name}`}>
+      <div class="places flex-column" key={`${model.id} ${place.kind} ${place.name}`}>
         <Shown model={model} app={app} place={place} />
       </div>
       <ApplyBar model={model} />
@@ -302,7 +302,7 @@ function Queue({ model }: { readonly model: Model }) {
   const waiting = jobs?.queue ?? [];
   const running = jobs?.running;
   return (
-    <div class="queue">
+    <div class="queue dim text-xs">
       {running && (
         <p>
           <span class="dot live" />

@@ -46,7 +46,7 @@ export function ConfigureRail({ app, model }: { readonly app: App; readonly mode
           <GoBack model={model} close={close} />
         </>
       )}
-      <div class="foot">{TEXT.snapshotNote}</div>
+      <div class="foot dim text-xs">{TEXT.snapshotNote}</div>
     </aside>
   );
 }

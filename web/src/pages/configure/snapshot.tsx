@@ -33,7 +33,7 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
     };
   };
   return (
-    <div class="snapshot-actions control-row">
+    <div class="snapshot-actions text-sm control-row">
       <span class="mid grow">
         <b>{info.title}</b> {info.reason && `· ${info.reason}`} {TEXT.settingCount(info.settings)}
         {info.missing ? TEXT.missingCount(info.missing) : ""}

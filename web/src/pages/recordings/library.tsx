@@ -61,7 +61,7 @@ export function LibraryPage({ app }: { readonly app: App }) {
       <TopBar app={app} />
       {offline && <OfflineBand app={app} />}
       <Filters app={app} />
-      <main class="library-centre" id="list" tabIndex={-1}>
+      <main class="library-centre flex-column" id="list" tabIndex={-1}>
         <h1 class="visually-hidden">{COMMON.recordings}</h1>
         <ProblemBand app={app} />
         <Tools app={app} />
@@ -132,7 +132,7 @@ function Filters({ app }: { readonly app: App }) {
           <div class="head further">
             <h3>{TEXT.tag}</h3>
           </div>
-          <div class="tag-cloud" role="group" aria-label={TEXT.tag}>
+          <div class="tag-cloud flex-wrap" role="group" aria-label={TEXT.tag}>
             {tags.map(([name, n]) => (
               <button
                 type="button"
@@ -177,7 +177,7 @@ function Tools({ app }: { readonly app: App }) {
     if (files.current) files.current.value = "";
   };
   return (
-    <div class="tools">
+    <div class="tools flex-row">
       <SearchField
         label={TEXT.search}
         placeholder={TEXT.nameNoteTagDeviceDate}

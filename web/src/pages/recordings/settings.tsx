@@ -69,7 +69,7 @@ export function SettingsLine({ recording }: { readonly recording: OpenRecording 
   const settings = settingsOf(replay, replay.viewState.device.value);
   if (!settings) return null;
   return (
-    <div class="apply-as-settings">
+    <div class="apply-as-settings flex-row mid text-sm">
       <span>{COMMON.settings}</span>
       <Button
         look="edge"

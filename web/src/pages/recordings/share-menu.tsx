@@ -58,7 +58,7 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
     void playAsDevice(app, info.id, { speed: replay.speed.peek(), loop: loop !== undefined, t0, t1 });
   };
   return (
-    <div class="hand-over" role="group" aria-label={TEXT.share}>
+    <div class="hand-over flex-wrap" role="group" aria-label={TEXT.share}>
       <Button
         look="main"
         icon="share"

@@ -26,7 +26,7 @@ export function Transport({ recording }: { readonly recording: OpenRecording }) 
     actions.stepSample(samples);
   };
   return (
-    <div class="transport" role="region" aria-label={TEXT.playback}>
+    <div class="transport flex-row" role="region" aria-label={TEXT.playback}>
       <IconButton icon="first" label={TEXT.toStart} class="desk" onClick={() => replay.seek(first)} />
       <IconButton icon="stepBack" label={COMMON.backOneSample} onClick={() => step(-1)} />
       <IconButton

@@ -119,7 +119,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
   void tick.value;
   const at = untracked(() => reading(deps)); // at the pace of the clock, not of a drag
   return (
-    <section ref={root} class="signals-panel" aria-label={TEXT.signals} onKeyDown={onKey}>
+    <section ref={root} class="signals-panel flex-column" aria-label={TEXT.signals} onKeyDown={onKey}>
       <div class="head">
         <h2>{TEXT.signals}</h2>
         <span class="grow" />
@@ -241,10 +241,10 @@ interface TargetsProps {
 
 /** The plots for the chosen signal: a pressed one has it. */
 function Targets({ row, plots, custom, device, onPut, onTakeOff, children }: TargetsProps) {
-  if (!row || row.columns.length === 0) return <p class="signal-targets">{TEXT.nothingChosen}</p>;
+  if (!row || row.columns.length === 0) return <p class="signal-targets flex-row mid text-sm">{TEXT.nothingChosen}</p>;
   const refs = refsOf(row);
   return (
-    <div class="signal-targets" role="group" aria-label={TEXT.choose(nameOf(row))}>
+    <div class="signal-targets flex-row mid text-sm" role="group" aria-label={TEXT.choose(nameOf(row))}>
       <span>{TEXT.choose(nameOf(row))}</span>
       <Button look="edge" icon="plus" words={TEXT.newPlot} onClick={() => onPut(row, undefined)} />
       {plots.map((plot) => {

@@ -35,7 +35,7 @@ export function SignalRow({ row, at, isCurrent, isTabStop, onFold, onChoose, onP
       role="treeitem"
       data-row={key}
       aria-label={[name, about, value, unit].filter(Boolean).join(" ")}
-      class="signal-row"
+      class="signal-row text-sm"
       aria-level={level}
       aria-selected={isCurrent}
       {...(open === undefined ? {} : { "aria-expanded": open })}
@@ -46,13 +46,13 @@ export function SignalRow({ row, at, isCurrent, isTabStop, onFold, onChoose, onP
       onFocus={onChoose}
       onKeyDown={onKey}
     >
-      <span class="signal-name">
+      <span class="signal-name flex-row">
         {open === undefined ? (
-          <span class="signal-fold" />
+          <span class="signal-fold mid" />
         ) : (
           <button
             type="button"
-            class="signal-fold"
+            class="signal-fold mid"
             tabIndex={-1}
             aria-label={open ? TEXT.fold(name) : TEXT.unfold(name)}
             onClick={(event) => {
@@ -68,7 +68,7 @@ export function SignalRow({ row, at, isCurrent, isTabStop, onFold, onChoose, onP
         </span>
       </span>{" "}
       <span class="signal-spark">{channel && columns.length === 1 && <Spark row={row} at={at} />}</span>
-      <span class="signal-value">
+      <span class="signal-value text-xs">
         {value}
         {unit && <span class="unit"> {unit}</span>}
       </span>

@@ -78,7 +78,7 @@ function SidePicker({ model, name, title, side, choose }: PickerProps) {
     choose(isLive(app, source) ? { source, device: "", last: side.last ?? 30 } : { source, device: "" });
   const isListed = live || known.some(({ id }) => id === side.source);
   return (
-    <div class="compare-side" role="group" aria-label={title}>
+    <div class="compare-side flex-wrap" role="group" aria-label={title}>
       <b class={name === "A" ? "side-a" : "side-b"}>{name}</b>
       <label class="select">
         <select

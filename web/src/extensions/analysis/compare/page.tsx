@@ -121,7 +121,7 @@ function Status({ model: { aligned, place, ready } }: { readonly model: CompareM
     said.value = isDone ? TEXT.linkCopied : TEXT.linkNotCopied;
   };
   return (
-    <div class="compare-sides compare-words">
+    <div class="compare-sides compare-words text-sm">
       <span role="status">
         {found && found.uncertainty !== null && (
           <>
@@ -191,7 +191,7 @@ function Charts({ answer: { signals, offset }, move, dragged }: ChartsProps) {
           </div>
         );
       })}
-      <p class="dim compare-words">
+      <p class="dim compare-words text-sm">
         {TEXT.time}, s. {TEXT.offsetHint}
       </p>
     </>

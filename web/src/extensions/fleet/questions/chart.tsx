@@ -194,7 +194,7 @@ interface SelectProps {
 
 function AnswerSelect({ label, value, all, nameOf, onChange }: SelectProps) {
   return (
-    <label class="answer-choice">
+    <label class="answer-choice mid text-sm">
       {label}
       <Select value={value} options={all.map((at) => [at, nameOf(at)])} onChoose={onChange} />
     </label>

@@ -47,7 +47,7 @@ export function QuestionsPage({ app }: { readonly app: App }) {
       </a>
       <TopBar app={app} />
       {offline && <OfflineBand app={app} />}
-      <main class="questions-page">
+      <main class="questions-page flex-column">
         <h1 class="visually-hidden">{PAGES.questions}</h1>
         <ProblemBand app={app} />
         <Sources state={state} />
@@ -108,7 +108,9 @@ function Sources({ state }: { readonly state: Questions }) {
         />
       )}
       <span class="grow" />
-      {state.store.value && <span class="dim ellipsis question-store">{TEXT.aboutStore(state.store.value)}</span>}
+      {state.store.value && (
+        <span class="dim ellipsis question-store text-sm">{TEXT.aboutStore(state.store.value)}</span>
+      )}
     </div>
   );
 }
@@ -214,7 +216,7 @@ function Answer({ app, state, answer }: AnswerProps) {
     void copyText(text).then((done) => (notice.value = done ? COMMON.copied : COMMON.notCopied));
   };
   return (
-    <section class="query-answer" aria-label={TEXT.answer}>
+    <section class="query-answer flex-column" aria-label={TEXT.answer}>
       <div class="answer-tools control-row">
         <Segmented
           label={TEXT.view}

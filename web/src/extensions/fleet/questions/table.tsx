@@ -51,7 +51,7 @@ export function AnswerTable({ state, answer, open }: Props) {
   };
   return (
     <div
-      class="answer-table"
+      class="answer-table text-sm"
       ref={host}
       tabIndex={0}
       role="region"

@@ -51,7 +51,7 @@ export function RobotDetails({ fleet }: { readonly fleet: Fleet }) {
     };
   }, [fleet]);
   return (
-    <aside class="fleet-details" aria-label={TEXT.details}>
+    <aside class="fleet-details text-sm" aria-label={TEXT.details}>
       <div class="head">
         <h2 ref={heading} tabIndex={-1} class="ellipsis">
           {name}
@@ -70,7 +70,7 @@ function Known({ robot, fleet }: { readonly robot: Robot; readonly fleet: Fleet 
   const recording: RobotCell = { text: summary.recording ? TEXT.recordingOn : TEXT.recordingOff };
   return (
     <div class={`detail ${isLost ? "held" : ""}`}>
-      <p class="fleet-needs" role="group" aria-label={TEXT.needs}>
+      <p class="fleet-needs flex-wrap" role="group" aria-label={TEXT.needs}>
         {health.conditions.length === 0 && (
           <span class="tag">
             <span class="dot live" /> {TEXT.healthy}

@@ -114,7 +114,7 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
   return (
     <div
       ref={box}
-      class="fleet-list"
+      class="fleet-list text-sm"
       data-by={grouping}
       role="grid"
       tabIndex={0}

@@ -136,7 +136,9 @@ export function FleetMap({ fleet }: { readonly fleet: Fleet }) {
           </div>
         ))}
       </div>
-      <p class="map-line">{told ? <Told robot={told} now={fleet.now()} /> : <span class="dim">{TEXT.mapHint}</span>}</p>
+      <p class="map-line flex-row text-sm">
+        {told ? <Told robot={told} now={fleet.now()} /> : <span class="dim">{TEXT.mapHint}</span>}
+      </p>
     </>
   );
 }

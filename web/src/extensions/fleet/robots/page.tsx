@@ -40,7 +40,7 @@ export function FleetPage({ app }: { readonly app: App }) {
         {TEXT.skipToTheList}
       </a>
       <TopBar app={app} />
-      <main class="fleet-centre" id="list" tabIndex={-1}>
+      <main class="fleet-centre flex-column" id="list" tabIndex={-1}>
         <h1 class="visually-hidden">{TEXT.robots}</h1>
         <ProblemBand app={app} />
         {isCut && <CutBand app={app} fleet={fleet} />}

@@ -192,7 +192,7 @@ function LeftOut({ devices, isOpen }: { readonly devices: readonly DeviceLeftOut
   return (
     <details open={isOpen}>
       <summary>{TEXT.leftOut(devices.length)}</summary>
-      <ul class="rollout-left">
+      <ul class="rollout-left text-sm">
         {devices.map(({ robot, device, name, why }) => (
           <li key={`${robot} ${device}`}>
             <b>{TEXT.deviceOf(robot, name)}</b> <Message text={why} />

@@ -60,7 +60,7 @@ export function RolloutProgress({ id }: { readonly id: number }) {
       </p>
       {problem.value && <ProblemNote problem={problem.value} />}
       {isRunning && !isNaming.value && (
-        <div class="rollout-stop">
+        <div class="rollout-stop flex-row">
           {found.stopped_by === "" ? (
             <Button changes look="edge" words={TEXT.stop} title={TEXT.stopHint} onClick={askToStop} />
           ) : (

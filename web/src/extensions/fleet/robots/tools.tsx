@@ -30,7 +30,7 @@ export function Summary({ fleet }: Props) {
   const counts = fleet.counts.value;
   const { shown } = fleet.place.value;
   return (
-    <div class="fleet-summary" role="group" aria-label={TEXT.summary}>
+    <div class="fleet-summary flex-wrap" role="group" aria-label={TEXT.summary}>
       {SHOWN.filter((name) => ALWAYS.has(name) || counts[name] > 0 || name === shown).map((name) => (
         <button
           type="button"
@@ -63,7 +63,7 @@ export function Tools({ fleet }: Props) {
   const listed = fleet.groups.value.reduce((sum, { names }) => sum + names.length, 0);
   const isLate = fleet.isOutOfOrder.value;
   return (
-    <div class="tools fleet-tools">
+    <div class="tools flex-row fleet-tools">
       <SearchField
         label={TEXT.search}
         placeholder={TEXT.searchHint}
