@@ -19,8 +19,8 @@ from typing import BinaryIO
 import pyarrow as pa
 import pyarrow.csv
 
-from imuscope.recordings.exporters.file_names import table_paths
-from imuscope.recordings.exporters.message_table import batches, headings, tables
+from imuscope.recordings.exporters.file_names import write_tables
+from imuscope.recordings.exporters.message_table import MessageTable, batches, headings
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # starts a formula in a spreadsheet. Source: OWASP, "CSV Injection"
@@ -28,14 +28,14 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # starts a formula in a spread
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file per message beside `out`."""
-    message_tables = tables(request)
-    paths = table_paths(request, out, message_tables)
-    for number, (table, path) in enumerate(zip(message_tables, paths, strict=True)):
+
+    def write_table(table: MessageTable, path: Path, step: ExportStep) -> None:
         with path.open("wb") as file:
             heading(file, headings(table))
-            for batch in batches(request, table, lambda share, n=number: step((n + share) / len(message_tables))):  # type: ignore[misc]
+            for batch in batches(request, table, step):
                 lines(file, batch)
-    return paths
+
+    return write_tables(request, out, step, write_table)
 
 
 def heading(file: BinaryIO, names: Sequence[str]) -> None:

@@ -1,13 +1,28 @@
-"""File names of exports. OUT's stem, the device where there are several, the message."""
+"""Files of exports that have one for each message: OUT's stem, the device where there are several, the message."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from imuscope.recordings.exporters.message_table import MessageTable
-from imuscope.recordings.exporters.request import ExportRequest
+from imuscope.recordings.exporters.message_table import MessageTable, tables
+from imuscope.recordings.exporters.request import ExportRequest, ExportStep
+
+
+def write_tables(
+    request: ExportRequest, out: Path, step: ExportStep, write: Callable[[MessageTable, Path, ExportStep], None]
+) -> list[Path]:
+    """Write a file for each message beside `out`; returns them."""
+    message_tables = tables(request)
+    paths = table_paths(request, out, message_tables)
+    for number, (table, path) in enumerate(zip(message_tables, paths, strict=True)):
+
+        def part(share: float, number: int = number) -> None:
+            step((number + share) / len(message_tables))
+
+        write(table, path, part)
+    return paths
 
 
 def table_paths(request: ExportRequest, out: Path, tables: Sequence[MessageTable]) -> list[Path]:

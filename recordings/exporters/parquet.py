@@ -15,28 +15,19 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from imuscope.recordings.exporters.file_names import table_paths
-from imuscope.recordings.exporters.message_table import MessageTable, batches, schema, tables
+from imuscope.recordings.exporters.file_names import write_tables
+from imuscope.recordings.exporters.message_table import MessageTable, batches, schema
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file per message beside `out`."""
-    message_tables = tables(request)
-    paths = table_paths(request, out, message_tables)
-    for number, (table, path) in enumerate(zip(message_tables, paths, strict=True)):
 
-        def part(share: float, number: int = number) -> None:
-            step((number + share) / len(message_tables))
+    def write_table(table: MessageTable, path: Path, step: ExportStep) -> None:
+        metadata = {"recording": request.title, "device": request.device_name(table.device), "message": table.name}
+        metadata |= {"simulated": "true"} if request.is_simulated(table.device) else {}
+        with pq.ParquetWriter(path, schema(table).with_metadata(metadata), compression="zstd") as writer:
+            for batch in batches(request, table, step):
+                writer.write_batch(batch.replace_schema_metadata(metadata))
 
-        _table(request, table, path, part)
-    return paths
-
-
-def _table(request: ExportRequest, table: MessageTable, path: Path, step: ExportStep) -> None:
-    heads = schema(table)
-    metadata = {"recording": request.title, "device": request.device_name(table.device), "message": table.name}
-    metadata |= {"simulated": "true"} if request.is_simulated(table.device) else {}
-    with pq.ParquetWriter(path, heads.with_metadata(metadata), compression="zstd") as writer:
-        for batch in batches(request, table, step):
-            writer.write_batch(batch.replace_schema_metadata(metadata))
+    return write_tables(request, out, step, write_table)

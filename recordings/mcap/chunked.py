@@ -23,12 +23,12 @@ from typing import BinaryIO
 import numpy as np
 import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
+from mcap.records import ChunkIndex, Header, McapRecord, Metadata, MetadataIndex
 
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings.mcap.reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME
-from imuscope.recordings.mcap.records import MAGIC, MESSAGE_HEAD, bytes_of, ending
+from imuscope.recordings.mcap.records import MAGIC, MESSAGE_HEAD, FileContents, bytes_of, ending
 from imuscope.recordings.mcap.writer import PROFILE
 
 HEAD = MESSAGE_HEAD.size  # of a message record, before its data
@@ -69,12 +69,9 @@ class ChunkedFile:
     def __init__(self, out: BinaryIO, profile: str = PROFILE) -> None:
         self._out = out
         self._at = 0
-        self._schemas: dict[tuple[str, str, bytes], Schema] = {}
-        self._channels: dict[int, Channel] = {}
+        self._contents = FileContents[int]()
         self._new: list[McapRecord] = []  # for the next chunk
         self._indexes: list[ChunkIndex] = []
-        self._counts: dict[int, int] = {}
-        self._first, self._last = 0, 0
         self._zstd = zstandard.ZstdCompressor(level=_LEVEL)
         self._put(MAGIC + bytes_of(Header(profile, "imuscope")))
 
@@ -87,29 +84,9 @@ class ChunkedFile:
     def write_channels(self, topics: Mapping[int, MessageChannel]) -> None:
         """Write those of these channels that are new."""
         for topic in topics.values():
-            if topic.id in self._channels:
-                continue
-            number = 0
-            if topic.schema:
-                key = topic.schema, topic.schema_encoding, topic.schema_data
-                schema = self._schemas.get(key)
-                if schema is None:
-                    number = len(self._schemas) + 1
-                    schema = Schema(
-                        id=number, data=topic.schema_data, encoding=topic.schema_encoding, name=topic.schema
-                    )
-                    self._schemas[key] = schema
-                    self._new.append(schema)
-                number = schema.id
-            channel = Channel(
-                id=topic.id,
-                topic=topic.topic,
-                message_encoding=topic.encoding,
-                metadata=dict(topic.metadata),
-                schema_id=number,
-            )
-            self._channels[topic.id] = channel
-            self._new.append(channel)
+            if topic.id not in self._contents.channels:
+                schema = (topic.schema, topic.schema_encoding, topic.schema_data) if topic.schema else None
+                self._new += self._contents.add(topic.id, topic.topic, topic.encoding, schema, topic.metadata, topic.id)
 
     def chunk(self, data: memoryview, rows: Ints) -> None:
         """Write one chunk of these messages, and its indexes."""
@@ -144,10 +121,8 @@ class ChunkedFile:
             pairs = np.column_stack((rows[TIME][selected], offsets[selected])).astype("<u8").tobytes()
             body = struct.pack("<HI", channel, len(pairs)) + pairs
             index.message_index_offsets[channel] = self._put(struct.pack("<BQ", MESSAGE_INDEX, len(body)) + body)
-            self._counts[channel] = self._counts.get(channel, 0) + int(selected.sum())
+            self._contents.count(channel, int(selected.sum()), first, last)
         index.message_index_length = self._at - begin
-        self._first = min(self._first, first) if self._indexes else first
-        self._last = max(self._last, last)
         self._indexes.append(index)
 
     def end(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
@@ -156,22 +131,4 @@ class ChunkedFile:
         for name, values in metadata.items():
             record = bytes_of(Metadata(name=name, metadata=dict(values)))
             indexes.append(MetadataIndex(offset=self._put(record), length=len(record), name=name))
-        statistics = Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
-            chunk_count=len(self._indexes),
-            message_count=sum(self._counts.values()),
-            metadata_count=len(indexes),
-            message_start_time=self._first,
-            message_end_time=self._last,
-            schema_count=len(self._schemas),
-        )
-        groups: list[tuple[int, list[McapRecord]]] = [
-            (Opcode.SCHEMA, list(self._schemas.values())),
-            (Opcode.CHANNEL, list(self._channels.values())),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, list(self._indexes)),
-            (Opcode.METADATA_INDEX, list(indexes)),
-        ]
-        self._put(ending(self._at, groups))
+        self._put(ending(self._at, self._contents.summary(indexes, self._indexes)))

@@ -49,11 +49,20 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
+from mcap.records import Header, Metadata, MetadataIndex
 
 from imuscope.protocols.messages.records import HEAD, Definitions, MessageChannel, records_of
 from imuscope.recordings.errors import RecordingError, disk_error
-from imuscope.recordings.mcap.records import MAGIC, MESSAGE_HEAD, bytes_of, ending, message, messages
+from imuscope.recordings.mcap.records import (
+    MAGIC,
+    MESSAGE_HEAD,
+    FileContents,
+    SchemaKey,
+    bytes_of,
+    ending,
+    message,
+    messages,
+)
 from imuscope.recordings.system import file_lock
 from imuscope.recordings.system.atomic_write import PRIVATE, open_private
 
@@ -112,13 +121,9 @@ class McapWriter:
             self._file = AtomicRecordFile(path)
         except OSError as error:
             raise disk_error(error, path) from None
-        self._schemas: dict[tuple[str, str, bytes], Schema] = {}
-        self._channels: dict[ChannelKey, Channel] = {}
+        self._contents = FileContents[ChannelKey]()
         self._definitions = definitions if definitions is not None else {}
-        self._counts: dict[int, int] = {}
         self._metadata: list[MetadataIndex] = []
-        self._first: int | None = None
-        self._last = 0
         self._closed = False
         library = f"imuscope {about.get('version', '')}".strip()
         try:
@@ -149,9 +154,9 @@ class McapWriter:
     def bytes_channel(self, device: str, direction: Direction) -> int:
         """Number of the channel of a device's bytes, which is described now if it is new."""
         topic = f"{direction}/{device}"
-        if topic not in self._channels:
+        if topic not in self._contents.channels:
             self._write([self._channel(topic, topic, RAW_ENCODING, None, {})])
-        return self._channels[topic].id
+        return self._contents.channels[topic].id
 
     def fileno(self) -> int:
         """The file's descriptor, for a loop that appends records by itself (direct_writer.py)."""
@@ -186,11 +191,11 @@ class McapWriter:
             return []
         key = (device, channel)
         out = []
-        if key not in self._channels:
+        if key not in self._contents.channels:
             metadata = {**channel.metadata, DEVICE_KEY: device}
             schema = (channel.schema, channel.schema_encoding, channel.schema_data) if channel.schema else None
             out.append(self._channel(key, channel.topic, channel.encoding, schema, metadata))
-        number = self._channels[key].id
+        number = self._contents.channels[key].id
         self.count(number, 1, arrival_ns, arrival_ns)
         head = MESSAGE_HEAD.pack(opcode, size, number, sequence, arrival_ns, publish_ns or arrival_ns)
         return [*out, head + record[MESSAGE_HEAD.size :]]
@@ -226,7 +231,7 @@ class McapWriter:
         if self.is_shortened():
             self.give_up()
         if not self._closed:
-            self._write([ending(self.size, self._summary())])
+            self._write([ending(self.size, self._contents.summary(self._metadata))])
             self.sync()
             self._closed = True
             self._file.close()
@@ -266,25 +271,23 @@ class McapWriter:
     ) -> bytes:
         """The record of a message, preceded by its channel's records if it is the first."""
         described = b""
-        if topic not in self._channels:
+        if topic not in self._contents.channels:
             as_bytes = (schema[0], "jsonschema", json.dumps(schema[1]).encode()) if schema is not None else None
             described = self._channel(topic, topic, encoding, as_bytes, {})
-        number = self._channels[topic].id
+        number = self._contents.channels[topic].id
         self.count(number, 1, time_ns, time_ns)
         return described + message(number, time_ns, data)
 
     def count(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
         """Count messages for the summary."""
-        self._counts[channel] = self._counts.get(channel, 0) + count
-        self._first = first_ns if self._first is None or first_ns < self._first else self._first
-        self._last = max(self._last, last_ns)
+        self._contents.count(channel, count, first_ns, last_ns)
 
     def _channel(
         self,
         key: ChannelKey,
         topic: str,
         encoding: str,
-        schema: tuple[str, str, bytes] | None,
+        schema: SchemaKey | None,
         metadata: Mapping[str, str],
     ) -> bytes:
         """The records of a new channel.
@@ -292,42 +295,7 @@ class McapWriter:
         Args:
             schema: name, encoding, data.
         """
-        records: list[McapRecord] = []
-        number = 0
-        if schema is not None:
-            name, kind, data = schema
-            if schema not in self._schemas:
-                self._schemas[schema] = Schema(id=len(self._schemas) + 1, data=data, encoding=kind, name=name)
-                records.append(self._schemas[schema])
-            number = self._schemas[schema].id
-        self._channels[key] = Channel(
-            id=len(self._channels) + 1,
-            topic=topic,
-            message_encoding=encoding,
-            metadata=dict(metadata),
-            schema_id=number,
-        )
-        records.append(self._channels[key])
-        return b"".join(bytes_of(record) for record in records)
-
-    def _summary(self) -> list[tuple[int, list[McapRecord]]]:
-        statistics = Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
-            chunk_count=0,
-            message_count=sum(self._counts.values()),
-            metadata_count=len(self._metadata),
-            message_start_time=self._first or 0,
-            message_end_time=self._last,
-            schema_count=len(self._schemas),
-        )
-        return [
-            (Opcode.SCHEMA, list(self._schemas.values())),
-            (Opcode.CHANNEL, list(self._channels.values())),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.METADATA_INDEX, list(self._metadata)),
-        ]
+        return b"".join(map(bytes_of, self._contents.add(key, topic, encoding, schema, metadata)))
 
     def _write(self, records: Sequence[bytes], part: int = 0) -> None:
         if self._closed:

@@ -43,7 +43,6 @@ class KnownFile:
 FEWEST_FRAMES = 8
 LONGEST_CHARACTER = 4  # bytes in UTF-8
 _CONTROLS = {chr(one) for one in range(32)} - set("\t\n\r\f\x1b")
-WITMOTION = "a binary log of WitMotion"
 AS_CANDUMP = "Convert it to the text of candump, for instance with python -m can.logconvert IN OUT.log."
 AS_TEXT = "Give the text file that its program makes of it."
 FILES = (
@@ -123,9 +122,7 @@ FILES = (
         (b"{", b"[{", b"[\n"),
         may_be_table=True,
     ),
-    KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 11)),
-    KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 20)),
-    KnownFile(WITMOTION, AS_TEXT, frame=(0x55, 28)),
+    *(KnownFile("a binary log of WitMotion", AS_TEXT, frame=(0x55, length)) for length in (11, 20, 28)),
     KnownFile(
         "the table of contents of a ROS 2 bag",
         "Give its folder, or the .db3 or .mcap file beside it.",

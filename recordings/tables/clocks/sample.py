@@ -49,10 +49,6 @@ class TableSample:
     def cells(self, column: int) -> list[str]:
         return cells_of(self.form.sample, column)
 
-    def is_hexadecimal(self, column: int) -> bool:
-        """Whether a column is written in hexadecimal digits."""
-        return are_hexadecimal(self.cells(column))
-
     def is_text(self, column: int) -> bool:
         """Whether the cells of a column are dates or times of day."""
         cells = self.cells(column)

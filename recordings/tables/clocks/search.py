@@ -28,7 +28,7 @@ import numpy as np
 
 from imuscope.protocols.registry.families import unit_flag
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.tables.cells import sample_times
+from imuscope.recordings.tables.cells import are_hexadecimal, sample_times
 from imuscope.recordings.tables.clock import AmbiguousTableError, TableClock
 from imuscope.recordings.tables.clocks import names
 from imuscope.recordings.tables.clocks.dates import (
@@ -253,7 +253,7 @@ def _of_name(sample: TableSample, column: int) -> TableClock | None:
 
 def _complete(sample: TableSample, clock: TableClock) -> TableClock:
     """A clock with the digits of its numbers, and with the column of its parts of a second."""
-    if clock.kind == "number" and len(clock.columns) == 1 and sample.is_hexadecimal(clock.columns[0]):
+    if clock.kind == "number" and len(clock.columns) == 1 and are_hexadecimal(sample.cells(clock.columns[0])):
         return replace(clock, base=16, why=f"{clock.why}; its digits are hexadecimal")
     if clock.kind not in ("text", "date+time", "utc") and (clock.kind, clock.unit) != ("number", "s"):
         return clock
