@@ -224,10 +224,9 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     if count == 1 and first < len(lines) and not may_be_narrow:
         hint = "Give a table that has their times, too, or their rate: --rate 100."
         raise RecordingError(f"{name} has one column of numbers.", hint)
-    if count > 1 and first == len(lines) and sum(map(bool, map(str.strip, lines))) == 1:
-        raise RecordingError(f"{name} has a heading, but no rows.", "Give a table with samples.")
     if count < 2 - may_be_narrow or first == len(lines):
-        if len(heading := [line for line in lines if line.strip()]) == 1 and separator in heading[0]:
+        filled = [line for line in lines if line.strip()]
+        if len(filled) == 1 and (count > 1 or separator in filled[0]):
             raise RecordingError(f"{name} has a heading, but no rows.", "Give a table with samples.")
         raise RecordingError(f"{name} is not a table.", "The first line must name the columns, separated by commas.")
     if not any(above.values()) and _is_numbering(rows[:2]):
@@ -252,9 +251,8 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
 
 def _is_numbering(rows: Sequence[Sequence[str]]) -> bool:
     """Whether the first row is 0, 1, 2, …: names of columns that have none, as pandas writes them."""
-    return (
-        len(rows) > 1 and len(rows[0]) > FEWEST_ROWS and [*rows[0]] == [str(i) for i in range(len(rows[0]))] != rows[1]
-    )
+    numbers = [str(i) for i in range(len(rows[0]))] if rows else []
+    return len(rows) > 1 and len(numbers) > FEWEST_ROWS and [*rows[0]] == numbers != rows[1]
 
 
 def _is_bare(cell: str) -> bool:
@@ -401,18 +399,11 @@ def _is_like(cells: Sequence[str], row: Sequence[str]) -> bool:
 
 
 def _decimal(sample: Sequence[Sequence[str]], separator: str) -> str:
-    if separator == ",":
-        return "," if _quoted_commas(sample) else "."
-    commas = sum(_COMMA.match(cell.strip()) is not None for row in sample for cell in row)
-    points = sum(_POINT.match(cell.strip()) is not None for row in sample for cell in row)
-    return "," if commas > points else "."
-
-
-def _quoted_commas(sample: Sequence[Sequence[str]]) -> bool:
-    """Whether cells of a table that is separated by commas have a decimal comma, inside of quotation marks."""
+    """The decimal sign. Where commas separate the cells, a decimal comma stands inside of quotation marks."""
     cells = [cell.strip() for row in sample for cell in row]
     commas = sum(_COMMA.match(cell) is not None for cell in cells)
-    return commas > 0 and not any(_POINT.match(cell) for cell in cells)
+    points = sum(_POINT.match(cell) is not None for cell in cells)
+    return "," if commas > points and not (points and separator == ",") else "."
 
 
 def renamed(file: str, form: TableFormat, options: TableOptions) -> tuple[list[str], set[int]]:
