@@ -7,11 +7,21 @@ import { Segmented, Select } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
 import { type HttpProblem, request } from "../../requests/http";
 import { ProblemNote } from "../../requests/problem-note";
-import type { ReadingState, TablePreview, FileTime } from "../../wire/routes";
+import type { ReadingState, TablePreview, FileTime, PreviewColumn } from "../../wire/routes";
 import { COMMON } from "../../texts/common";
-import { ColumnNames } from "./column-names";
 import { FirstRows } from "./first-rows";
-import { COUNT_ROWS, samplingWords, type Reading, readingOf, timeChoices, unitOption, withTimes } from "./reading";
+import {
+  COUNT_ROWS,
+  samplingWords,
+  type Reading,
+  readingOf,
+  timeChoices,
+  unitOption,
+  withTimes,
+  choiceOf,
+  type ColumnChoice,
+  withColumn,
+} from "./reading";
 import { TEXT } from "./texts";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { reopen } from "./reopen";
@@ -225,4 +235,69 @@ export function RecordingReading({ recording, onClose }: RecordingDialogProps) {
     reopen(info.id);
   };
   return <ReadingDialog recording={info.id} title={info.file} state={state} onClose={onClose} onChosen={onChosen} />;
+}
+
+interface ColumnNamesProps {
+  readonly table: TablePreview;
+  readonly reading: Signal<Reading>;
+}
+
+function ColumnNames({ table, reading }: ColumnNamesProps) {
+  const columns = table.columns.filter(({ role }) => role === "value" || role === "left out");
+  return (
+    <details class="table-columns">
+      <summary>{TEXT.columnNames}</summary>
+      <p class="dim">{TEXT.columnNamesHint}</p>
+      <ul>
+        {columns.map((column) => (
+          <Column key={column.number} column={column} reading={reading} />
+        ))}
+      </ul>
+    </details>
+  );
+}
+
+function Column({ column, reading }: { readonly column: PreviewColumn; readonly reading: Signal<Reading> }) {
+  const { number, heading } = column;
+  const title = heading === "" ? TEXT.columnNumber(number) : heading;
+  const own = useSignal(choiceOf(column)); // the preview follows later
+  const choice = own.value;
+  const set = (part: Partial<ColumnChoice>): void => {
+    own.value = { ...own.peek(), ...part };
+    reading.value = withColumn(reading.peek(), column, own.peek());
+  };
+  return (
+    <li>
+      <label class="flag">
+        <input
+          type="checkbox"
+          class="check"
+          checked={choice.isRead}
+          onChange={(event) => set({ isRead: event.currentTarget.checked })}
+        />
+        <span>{title}</span>
+      </label>
+      <div class="field">
+        <input
+          type="text"
+          aria-label={TEXT.nameOf(title)}
+          value={choice.name}
+          disabled={!choice.isRead}
+          spellcheck={false}
+          onChange={(event) => set({ name: event.currentTarget.value })}
+        />
+      </div>
+      <div class="field unit-field">
+        <input
+          type="text"
+          aria-label={TEXT.unitOf(title)}
+          placeholder={TEXT.unit}
+          value={choice.unit}
+          disabled={!choice.isRead}
+          spellcheck={false}
+          onChange={(event) => set({ unit: event.currentTarget.value })}
+        />
+      </div>
+    </li>
+  );
 }

@@ -13,8 +13,7 @@ import type { PlotSpec, Series } from "../../data/view";
 import { byUnit, visible } from "../../plots/visible-plots";
 import { copyText } from "../../ui/dom/copy";
 import { el, LiveText, type Panel, throttle, unit } from "../../ui/dom/dom";
-import { NONE } from "../../ui/format/format";
-import { CursorHandle } from "./cursor-handle";
+import { NONE, clock } from "../../ui/format/format";
 import {
   measuredCsv,
   FIGURE_KEYS,
@@ -29,7 +28,6 @@ import type { SampleAccess } from "../../measure/sample-access";
 import type { MeasuredRange } from "../../measure/figure-source";
 import { ServerFigures } from "./server-figures";
 import { COMMON } from "../../texts/common";
-
 import { TEXT } from "./texts";
 import "./measure.css";
 
@@ -248,4 +246,71 @@ function lineOf(body: HTMLTableSectionElement, plot: PlotSpec, series: Series): 
   body.append(tr);
   const none = { a: NaN, b: NaN, delta: NaN };
   return { series, unit: own, tr, cells, values: none, figures: UNKNOWN, stamp: "" };
+}
+
+/** An arrow key moves by this part of the window. */
+const STEP = 1 / 200;
+
+class CursorHandle {
+  readonly node: HTMLElement;
+  readonly #time = new LiveText();
+
+  constructor(
+    readonly viewState: ViewState,
+    readonly which: "a" | "b",
+  ) {
+    this.node = el(
+      "span",
+      {
+        class: `cursor-handle ${which}`,
+        role: "slider",
+        tabindex: "0",
+        "aria-label": TEXT.cursorLabel[which],
+        title: TEXT.cursorHint,
+      },
+      el("i", {}, TEXT.cursor[which]),
+      this.#time.node,
+    );
+    this.node.addEventListener("keydown", (event) => this.#press(event));
+  }
+
+  get time(): number | undefined {
+    return this.which === "a" ? this.viewState.actions.cursorTime() : this.viewState.measure.peek();
+  }
+
+  /** "A 14:32:18.123456 UTC". */
+  words(): string {
+    return `${TEXT.cursor[this.which]} ${TEXT.utc(clock(this.time ?? NaN, 6))}`;
+  }
+
+  update(): void {
+    const { time } = this;
+    if (time === undefined) return;
+    const { span } = this.viewState.view.peek();
+    const end = this.viewState.actions.rightEdge();
+    const text = clock(time, 3);
+    this.#time.set(text);
+    const set = (name: string, value: string): void => {
+      if (this.node.getAttribute(name) !== value) this.node.setAttribute(name, value);
+    };
+    set("aria-valuetext", TEXT.utc(text));
+    set("aria-valuemin", String(Math.min(time, end - span)));
+    set("aria-valuemax", String(Math.max(time, end)));
+    set("aria-valuenow", String(time));
+  }
+
+  #press(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const direction = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
+    const { time } = this;
+    if (direction === 0 || time === undefined) return;
+    event.preventDefault();
+    event.stopPropagation(); // the arrows also move the window
+    const { actions, view } = this.viewState;
+    if (this.which === "a") {
+      if (event.shiftKey) actions.stepSample(direction);
+      else actions.pin(time + direction * STEP * view.peek().span);
+    } else if (event.shiftKey) actions.stepMeasure(direction);
+    else actions.pinMeasure(time + direction * STEP * view.peek().span);
+  }
 }

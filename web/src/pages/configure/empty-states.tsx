@@ -1,6 +1,5 @@
 /** Placeholders and bands of a form: reading, never read, lost, not permitted, no settings. */
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
-import { describe } from "../../forms/elsewhere";
 import type { App } from "../../page/context";
 import { ResumeButton } from "../empty-states";
 import type { Model } from "./model";
@@ -8,13 +7,18 @@ import { linkTo, pauseOf, readAll, unfinishedOf } from "./view-state";
 import { Button } from "../../ui/controls/button";
 import { Band } from "../../ui/controls/band";
 import { Card } from "../../ui/controls/card";
-import { clock } from "../../ui/format/format";
+import { clock, NONE } from "../../ui/format/format";
 import { request } from "../../requests/http";
 import { Message } from "../../ui/controls/message";
 import { usePolled } from "../../requests/use-polled";
 import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
+import { TEXT as FORMS } from "../../texts/forms";
+import { keyedList } from "../../forms/edits";
+import type { RemoteChange } from "../../forms/rebase";
+import type { FieldForm, Forms } from "../../wire/form-types";
+import { at, joined, type FormValues, whereOf, valueWords } from "../../forms/values";
 
 const ASK_EVERY_MS = 1000;
 
@@ -213,3 +217,43 @@ export function ProblemLine({ model }: { readonly model: Model }) {
     </Band>
   );
 }
+
+/** @param now the setting as on the device */
+function describe(
+  forms: Forms,
+  { setting, path, before, now: value }: RemoteChange,
+  now: FormValues | undefined,
+): string {
+  const form = forms.settings.find(({ name }) => name === setting);
+  if (form === undefined) return setting;
+  const keyed = keyedList(form);
+  if (keyed === undefined || path[0] !== keyed.list.name) {
+    const field = fieldAt(form.fields, path);
+    return `${whereOf(form, joined(path))}: ${said(field, before)} → ${said(field, value)}`;
+  }
+  const entry = (path.length > 2 ? at(now, path.slice(0, 2)) : (value ?? before)) as FormValues | undefined;
+  const id = entry === undefined ? -1 : keyed.key(entry);
+  const output = form.table?.rows.find((row) => (row.id & (form.table?.key_mask ?? -1)) === id);
+  const title = `${form.title}, ${output?.title ?? id}`;
+  if (path.length === 2) return `${title}: ${before === undefined ? FORMS.offToOn : FORMS.onToOff}`;
+  const field = fieldAt(form.fields, path);
+  return `${title}: ${said(field, before)} → ${said(field, value)}`;
+}
+
+function fieldAt(fields: readonly FieldForm[], path: readonly (string | number)[]): FieldForm | undefined {
+  let found: FieldForm | undefined;
+  for (const part of path) {
+    if (typeof part === "number") continue;
+    found = (found?.fields ?? fields).find(({ name }) => name === part);
+  }
+  return found;
+}
+
+const said = (field: FieldForm | undefined, value: unknown): string =>
+  value === undefined
+    ? NONE
+    : field && typeof value !== "object"
+      ? valueWords(field, value)
+      : typeof value === "object"
+        ? "…"
+        : String(value);

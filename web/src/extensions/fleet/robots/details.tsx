@@ -4,7 +4,6 @@ import { useEffect, useRef } from "preact/hooks";
 import { number, clock } from "../../../ui/format/format";
 import { robotHref } from "../../../requests/server-place";
 import { IconButton } from "../../../ui/controls/icon-button";
-import { Alarms } from "./alarms";
 import {
   type RobotCell,
   clockCell,
@@ -20,13 +19,14 @@ import type { Fleet } from "./fleet-state";
 import type { Robot } from "./robots";
 import { ageText } from "./row";
 import { SettingsCheck } from "./settings";
-import type { RobotDevice, RobotSummary, FleetEvent } from "../../../wire/routes";
+import type { RobotDevice, RobotSummary, FleetEvent, RobotAlarm } from "../../../wire/routes";
 import { TEXT } from "./texts";
 import { useSignal } from "@preact/signals";
 import { dayWords } from "../../../recordings/library-filter";
 import { Button } from "../../../ui/controls/button";
 import { type HttpProblem, request } from "../../../requests/http";
 import { ProblemNote } from "../../../requests/problem-note";
+import { PersonForm } from "./person-form";
 import "./details.css";
 
 export function RobotDetails({ fleet }: { readonly fleet: Fleet }) {
@@ -281,5 +281,66 @@ function RemoveRobot({ name, fleet }: { readonly name: string; readonly fleet: F
       <Button changes look="edge" words={TEXT.remove} onClick={() => void remove()} />
       {problem.value && <ProblemNote problem={problem.value} />}
     </>
+  );
+}
+
+function Alarms({ robot, fleet }: { readonly robot: RobotSummary; readonly fleet: Fleet }) {
+  const asking = useSignal("");
+  const problem = useSignal<HttpProblem | undefined>(undefined);
+  const send = async (by: string): Promise<void> => {
+    const outcome = await request("POST /api/fleet/robots/{robot}/acknowledge", {
+      path: { robot: robot.name },
+      body: { condition: asking.peek(), by },
+    });
+    problem.value = outcome.ok ? undefined : outcome.problem;
+    if (!outcome.ok) return;
+    asking.value = "";
+    fleet.retry();
+  };
+  if (robot.alarms.length === 0) return <p class="dim">{TEXT.noAlarm}</p>;
+  return (
+    <>
+      <ul class="fleet-alarms">
+        {robot.alarms.map((alarm) => (
+          <Row
+            key={`${alarm.condition} ${alarm.name} ${alarm.device}`}
+            alarm={alarm}
+            robot={robot}
+            ask={() => (asking.value = alarm.condition)}
+          />
+        ))}
+      </ul>
+      {asking.value !== "" && <PersonForm title={TEXT.acknowledge} send={send} cancel={() => (asking.value = "")} />}
+      {problem.value && <ProblemNote problem={problem.value} />}
+    </>
+  );
+}
+
+interface RowProps {
+  readonly alarm: RobotAlarm;
+  readonly robot: RobotSummary;
+  readonly ask: () => void;
+}
+
+function Row({ alarm: { name, level, state, device, condition, acknowledged_by: by }, robot, ask }: RowProps) {
+  const of = robot.devices.find(({ id }) => id === device);
+  return (
+    <li>
+      <span class={`dot ${state === "acknowledged" ? "off" : level === "error" ? "bad" : "warn"}`} />
+      <span>
+        {name} <span class="dim">{of && TEXT.alarmOf(of.name || of.product)}</span>
+      </span>
+      {condition !== "" && state === "raised" ? (
+        <Button
+          changes
+          look="small edge"
+          words={TEXT.acknowledge}
+          onClick={ask}
+          aria-label={TEXT.acknowledgeAlarm(name)}
+        />
+      ) : (
+        <span class="mid">{by === "" ? TEXT.alarmState(state) : TEXT.acknowledgedBy(by)}</span>
+      )}
+    </li>
   );
 }
