@@ -28,7 +28,6 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from imuscope.protocols.embedded import vectornav
 from imuscope.protocols.events import LazyMapping, ParsedMessage
 from imuscope.protocols.schema.fields import Field, Message
 
@@ -45,74 +44,134 @@ SOURCE = "MT0101P 2020.A, 5.3.5 SetStringOutputType"
 UNCHECKED = frozenset({"PRDID", "HEHDT"})  # without a checksum in that table; accepted with and without
 
 
-def _number(name: str, unit: str, doc: str = "") -> Field:
+def _real(name: str, unit: str = "", doc: str = "") -> Field:
     return Field(name, "f8", unit=unit, doc=doc)
 
 
-def _word(name: str, doc: str, choices: Mapping[int, str] | None = None) -> Field:
-    return Field(name, "ascii", doc=doc, choices=choices or {})
+def _integer(name: str, doc: str = "") -> Field:
+    return Field(name, "i8", doc=doc)
 
 
-def _vector(name: str, unit: str) -> tuple[Field, ...]:
-    return tuple(_number(name + axis, unit) for axis in "XYZ")
+def _word(name: str, doc: str) -> Field:
+    return Field(name, "ascii", doc=doc)
+
+
+def _xyz(name: str, unit: str) -> tuple[Field, ...]:
+    return tuple(_real(name + axis, unit) for axis in "XYZ")
+
+
+# ASCII messages of VectorNav sensors (VN-100, -200, -300) are framed as sentences are. Their angles describe the body
+# in the frame of north, east and down; the scalar of a quaternion is its last number. A message with a 16-bit checksum
+# is not one of NMEA, and counts as damaged. The spelling of names is VectorNav's.
+_MANUALS = "VectorNav VN-100 user manual UM001 2.05, VN-300 user manual UM005 0.14"
+_ANGLES = (_real("Yaw", "°"), _real("Pitch", "°"), _real("Roll", "°"))
+_QUATERNION = tuple(_real(f"Quat{place}") for place in range(4))
+_MAG, _ACCEL, _GYRO = _xyz("Mag", "G"), _xyz("Accel", "m/s²"), _xyz("Gyro", "rad/s")
+_SENSORS = (*_MAG, *_ACCEL, *_GYRO)
+_POSITION = (_real("Latitude", "°"), _real("Longitude", "°"), _real("Altitude", "m", "Height above the ellipsoid."))
+_SPEED = (_real("VelN", "m/s"), _real("VelE", "m/s"), _real("VelD", "m/s"))
+_ECEF = (*_xyz("Position", "m"), *_xyz("Velocity", "m/s"))
+_WEEK = (_real("Time", "s", "Time of the GPS week."), _integer("Week", "GPS week."))
+_FIX = (*_WEEK, _integer("GpsFix", "0: none, 1: time alone, 2: 2D, 3: 3D."), _integer("NumSats"))
+_INS = (*_WEEK, _word("Status", "Status of the filter, in hexadecimal digits."), *_ANGLES)
+_UNCERTAIN = (
+    _real("AttUncertainty", "°"),
+    _real("PosUncertainty", "m"),
+    _real("VelUncertainty", "m/s"),
+)
+_ACCURACY = (_real("SpeedAcc", "m/s"), _real("TimeAcc", "s"))
+
+
+def _vectornav(name: str, fields: tuple[Field, ...], doc: str) -> Message:
+    return Message(0, name, fields, doc=doc, source=_MANUALS)
+
+
+VECTORNAV = (
+    _vectornav("VNYPR", _ANGLES, "Yaw, pitch and roll."),
+    _vectornav("VNQTN", _QUATERNION, "Quaternion."),
+    _vectornav("VNQMR", (*_QUATERNION, *_SENSORS), "Quaternion, magnetic field, acceleration, rate of turn."),
+    _vectornav("VNMAG", _MAG, "Magnetic field."),
+    _vectornav("VNACC", _ACCEL, "Acceleration."),
+    _vectornav("VNGYR", _GYRO, "Rate of turn."),
+    _vectornav("VNMAR", _SENSORS, "Magnetic field, acceleration, rate of turn."),
+    _vectornav("VNYMR", (*_ANGLES, *_SENSORS), "Angles, magnetic field, acceleration, rate of turn."),
+    _vectornav(
+        "VNYBA", (*_ANGLES, *_xyz("BodyAccel", "m/s²"), *_GYRO), "Angles, true acceleration in the body's axes."
+    ),
+    _vectornav(
+        "VNYIA", (*_ANGLES, *_xyz("InertialAccel", "m/s²"), *_GYRO), "Angles, true acceleration to north, east, down."
+    ),
+    _vectornav(
+        "VNIMU",
+        (*_SENSORS, _real("Temp", "°C"), _real("Pressure", "kPa")),
+        "Magnetic field, acceleration and rate of turn without compensation by the filter; temperature, pressure.",
+    ),
+    _vectornav(
+        "VNGPS",
+        (*_FIX, *_POSITION, *_SPEED, _real("NorthAcc", "m"), _real("EastAcc", "m"), _real("VertAcc", "m"), *_ACCURACY),
+        "Solution of the GNSS receiver.",
+    ),
+    _vectornav("VNGPE", (*_FIX, *_ECEF, *_xyz("PosAcc", "m"), *_ACCURACY), "Solution of the GNSS receiver, ECEF."),
+    _vectornav("VNINS", (*_INS, *_POSITION, *_SPEED, *_UNCERTAIN), "Navigation solution."),
+    _vectornav("VNINE", (*_INS, *_ECEF, *_UNCERTAIN), "Navigation solution, ECEF."),
+    _vectornav("VNISL", (*_ANGLES, *_POSITION, *_SPEED, *_ACCEL, *_GYRO), "Navigation solution and sensors."),
+    _vectornav("VNISE", (*_ANGLES, *_ECEF, *_ACCEL, *_GYRO), "Navigation solution and sensors, ECEF."),
+    _vectornav(
+        "VNDTV",
+        (_real("DeltaTime", "s"), *_xyz("DeltaTheta", "°"), *_xyz("DeltaVel", "m/s")),
+        "Increments of rotation and velocity, and the time that they span.",
+    ),
+)
+
+
+def _nmea(number: int, name: str, doc: str, *fields: Field) -> Message:
+    return Message(number, name, fields, doc=doc, source=SOURCE)
 
 
 PAIRS: dict[str, tuple[str, str]] = {}  # see add_sentences
 SENTENCES: dict[str, Message] = {
     row.name: row
     for row in (
-        Message(
+        _nmea(
             3,
             "PHTRO",
-            (
-                _number("pitch", "°"),
-                _word("pitchSide", "M: bow up, P: bow down"),
-                _number("roll", "°"),
-                _word("rollSide", "B: port down; the other letter is garbled in the document, T: port up"),
-            ),
-            doc="Pitch and roll.",
-            source=SOURCE,
+            "Pitch and roll.",
+            _real("pitch", "°"),
+            _word("pitchSide", "M: bow up, P: bow down"),
+            _real("roll", "°"),
+            _word("rollSide", "B: port down; the other letter is garbled in the document, T: port up"),
         ),
-        Message(
+        _nmea(
             4,
             "PRDID",
-            (
-                _number("pitch", "°", "Bow up is positive."),
-                _number("roll", "°", "Port up is positive."),
-                _number("headingT", "°"),
-            ),
-            doc="Pitch, roll and true heading.",
-            source=SOURCE,
+            "Pitch, roll and true heading.",
+            _real("pitch", "°", "Bow up is positive."),
+            _real("roll", "°", "Port up is positive."),
+            _real("headingT", "°"),
         ),
-        Message(
+        _nmea(
             6,
             "PSONCMS",
-            (
-                *(_number(f"q{i}", "") for i in range(4)),
-                *_vector("acc", "m/s²"),
-                *_vector("gyr", "rad/s"),
-                *_vector("mag", "a.u."),
-                _number("temp", "°C"),
-            ),
-            doc="Quaternion, acceleration, rate of turn, magnetic field, temperature.",
-            source=SOURCE,
+            "Quaternion, acceleration, rate of turn, magnetic field, temperature.",
+            *(_real(f"q{i}", "") for i in range(4)),
+            *_xyz("acc", "m/s²"),
+            *_xyz("gyr", "rad/s"),
+            *_xyz("mag", "a.u."),
+            _real("temp", "°C"),
         ),
-        Message(
+        _nmea(
             11,
             "PTCF",
-            (
-                _number("heading", "°"),
-                _word("headingRef", "T: true north"),
-                _number("roll", "°"),
-                _number("pitch", "°"),
-                _number("rollRate", "°/s"),
-                _number("pitchRate", "°/s"),
-            ),
-            doc="Heading, roll, pitch and their rates.",
-            source=SOURCE,
+            "Heading, roll, pitch and their rates.",
+            _real("heading", "°"),
+            _word("headingRef", "T: true north"),
+            _real("roll", "°"),
+            _real("pitch", "°"),
+            _real("rollRate", "°/s"),
+            _real("pitchRate", "°/s"),
         ),
-        Message(12, "XSVEL", _vector("vel", "m/s"), doc="Velocity.", source=SOURCE),
-        *vectornav.SENTENCES,
+        _nmea(12, "XSVEL", "Velocity.", *_xyz("vel", "m/s")),
+        *VECTORNAV,
     )
 }
 

@@ -8,7 +8,7 @@
     text   $…                    ──>   a sentence if one is documented, else nothing
 
 There is no Config state: a device measures while it is configured, so `within` only restores the streams afterwards.
-A restart ends streams that are not stored: `resume` starts them again, and stores nothing (resuming.py).
+A restart ends streams that are not stored: `resume` starts them again, and stores nothing (stream_restore.py).
 Streams are read from DID_RMC, which names them, and by listening, which gives their rates. Those to be changed are
 written one by one, and no others; they are then observed, and any that did not arrive is requested once more. If a row
 gives the interval of its packets (period × source_ms), and the device uses another source than assumed, the multiple is
@@ -45,7 +45,7 @@ from imuscope.protocols.commands.transactions import (
 from imuscope.protocols.events import Event, Reply, Text
 from imuscope.protocols.isb import annotate as annotated
 from imuscope.protocols.isb import bandwidth as budget
-from imuscope.protocols.isb import frames, resuming, stream_discovery
+from imuscope.protocols.isb import frames, stream_discovery, stream_restore
 from imuscope.protocols.isb.commands import (
     COMMAND_ROWS,
     DEV_INFO,
@@ -171,7 +171,7 @@ class IsbDriver(DeviceDriver):
     """
 
     name = "isb"
-    restart_words = resuming.WORDS
+    restart_words = stream_restore.WORDS
     usual_rates = (
         *(921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000),
         *(57_600, 38_400, 19_200, 9_600),
@@ -377,19 +377,21 @@ class IsbDriver(DeviceDriver):
         return risks_of_change(setting, old, new, known.product)
 
     def restart_frames(self, values: Mapping[str, Values], known: DeviceContext) -> list[bytes]:
-        return [system_command(one) for one in resuming.RESTART] + resuming.frames_of(values, version_of(known))
+        return [system_command(one) for one in stream_restore.RESTART] + stream_restore.frames_of(
+            values, version_of(known)
+        )
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[Sequence[bytes]]:
         """Save the flash configuration, restart. What runs now is found first: most of it is not stored."""
         running: dict[str, Values] = {}
-        for setting in (STREAMS_SETTING, resuming.SENTENCES):
+        for setting in (STREAMS_SETTING, stream_restore.SENTENCES):
             try:
                 running[setting] = yield from self.within(self.read(setting, known), known)
             except DeviceRejectedError:  # a product without sentences
                 continue
-        again = tuple(resuming.frames_of(running, version_of(known)))
+        again = tuple(stream_restore.frames_of(running, version_of(known)))
         yield PutBack(again)
-        save, reset = (system_command(one) for one in resuming.RESTART)
+        save, reset = (system_command(one) for one in stream_restore.RESTART)
         with suppress(DeviceRejectedError):  # not every product has it; written values are in flash already
             yield from write_dataset(save, "DID_SYS_CMD.SAVE_FLASH")
         yield from write_dataset(reset, "DID_SYS_CMD.SOFTWARE_RESET", required=False)
@@ -397,10 +399,10 @@ class IsbDriver(DeviceDriver):
         return again
 
     def resume(self, frames: Sequence[bytes], known: DeviceContext) -> Transaction[None]:
-        return resuming.resume(frames, lambda did: read_dataset(did), gpx=_is_gpx(known))
+        return stream_restore.resume(frames, lambda did: read_dataset(did), gpx=_is_gpx(known))
 
     def confirms(self, frame: bytes, event: Event) -> bool:
-        return resuming.confirms(frame, event)
+        return stream_restore.confirms(frame, event)
 
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
         for _ in range(ALIVE_TRIES):

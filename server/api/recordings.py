@@ -19,11 +19,14 @@ from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.recordings.library.library import NamingError
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.recordings.system.atomic_write import open_private
+from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, check_length, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
-from imuscope.server.library.api_models import EditRequest, MarkerRequest, RecordingInfo
+from imuscope.server.library.api_models import EditRequest, MarkerRequest, PlayRequest, RecordingInfo
+from imuscope.server.library.foreign_files import ForeignFiles
+from imuscope.server.links.capture_file import SPEEDS
 
 router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 
@@ -268,3 +271,40 @@ async def _in_thread(recording: str, work: Callable[[], Changed]) -> Changed:
             raise DomainError("changed", error.message, error.hint) from None
         except NamingError as error:
             raise DomainError("name", error.message, error.hint) from None
+
+
+HINT_SPEED = f"Use {SPEEDS[0]:g} to {SPEEDS[1]:g} times the original speed."
+
+
+async def played_source(path: Path, play: PlayRequest, files: ForeignFiles) -> str:
+    """Source text of a recording with its playback options.
+
+    Raises:
+        DomainError: an option is out of range, or the recording cannot be read.
+    """
+    if not SPEEDS[0] <= play.speed <= SPEEDS[1]:
+        raise DomainError("bad-request", f"Speed {play.speed:g} is out of range.", HINT_SPEED)
+    options = [f"speed={play.speed:g}"] if play.speed != 1 else []
+    if play.loop:
+        options.append("loop=1")
+    if play.t0 is not None or play.t1 is not None:
+        function = "imuscope.recordings.library.probe:extent_of"
+        try:
+            span: tuple[int, int] | None = await files.call(function, path, returns=tuple[int, int] | None)
+        except RecordingError as error:
+            raise DomainError("cannot-open", error.message, error.hint) from None
+        began = span[0] / 1e9 if span is not None else 0.0
+        first = max(0.0, play.t0 - began) if play.t0 is not None else 0.0
+        options.append(f"from={first:.9f}")
+        if play.t1 is not None:
+            if play.t1 - began <= first:
+                raise DomainError("bad-span", "The range ends before it begins.", "Unix seconds, t0 ≤ t1.")
+            options.append(f"to={play.t1 - began:.9f}")
+    return f"{path}?{'&'.join(options)}" if options else str(path)
+
+
+@router.post("/{recording}/play", status_code=201, responses=responses(404, 409, 422))
+async def play(body: PlayRequest, entry: OneEntry, services: TheServices) -> list[wire.DeviceInfo]:
+    """Play a recording. Each of its devices appears, ends with the file, and can be played again or removed."""
+    source = await played_source(entry.path, body, services.catalogue.files)
+    return [session.info for session in await services.sessions.add_all(source)]

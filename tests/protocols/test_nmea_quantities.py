@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imuscope.protocols.embedded import vectornav
+from imuscope.protocols.embedded import nmea
 from imuscope.protocols.embedded.nmea import SENTENCES, SOURCE, checksum, find_nmea, sentence
 from imuscope.protocols.embedded.quantities import NmeaQuantities
 from imuscope.protocols.events import Text
@@ -91,7 +91,7 @@ def test_a_sign_that_is_a_letter_is_not_lost(line: str, expected: dict[str, floa
     assert found.line == raw.decode().strip()
 
 
-@each_row("name", [row.name for row in vectornav.SENTENCES])
+@each_row("name", [row.name for row in nmea.VECTORNAV])
 def test_every_number_of_vectornav_has_its_unit(name: str) -> None:
     [parsed], _ = find_nmea(sentence(VECTORNAV[name][0]), final=True)
     row = SENTENCES[name]

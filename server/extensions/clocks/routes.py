@@ -23,8 +23,7 @@ from imuscope.server.devices.link.session import Session
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.clocks.figures import MessageClocks, clocks_of
 from imuscope.server.extensions.clocks.file_readings import FileReadingBody, body_of, is_table
-from imuscope.server.extensions.clocks.live_time import LiveTime
-from imuscope.server.extensions.clocks.memory_source import BYTES, RESULT, write_memory
+from imuscope.server.extensions.clocks.live_time import BYTES, RESULT, LiveTime, write_memory
 from imuscope.server.library.recording_session import about
 from imuscope.server.services.parts import ServicePart
 from imuscope.server.services.services import Services

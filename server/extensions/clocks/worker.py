@@ -2,7 +2,7 @@
 
     python -m imuscope.server.extensions.clocks.worker
 
-The request comes on standard input, one JSON object: folder with bytes.npz (memory_source.py), device, protocol,
+The request comes on standard input, one JSON object: folder with bytes.npz (live_time.py), device, protocol,
 identity, and the decode options. The result is written beside the bytes, as it is sent.
 """
 
@@ -20,8 +20,7 @@ from imuscope.recordings.system.parent_death import report_to_parent
 from imuscope.recordings.system.resource_limits import TooLong
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.devices.decode.protocol_set import all_protocols
-from imuscope.server.extensions.clocks.live_time import live_time
-from imuscope.server.extensions.clocks.memory_source import BYTES, RESULT, MemorySource
+from imuscope.server.extensions.clocks.live_time import BYTES, RESULT, MemorySource, live_time
 from imuscope.server.library.decode import decode
 from imuscope.server.system.worker_process import begin
 from imuscope.server.wire.codec import to_json_safe

@@ -12,7 +12,7 @@ import pytest
 from imuscope.recordings.sources import SourceDevice
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.devices.link.byte_memory import ByteRun
-from imuscope.server.extensions.clocks.memory_source import MemorySource, write_memory
+from imuscope.server.extensions.clocks.live_time import MemorySource, write_memory
 from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import Config
 from tests.server.in_process_server import InProcessServer

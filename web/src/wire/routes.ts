@@ -1728,12 +1728,6 @@ export interface Routes {
     readonly body: Defaulted<MarkerRequest, "text" | "kind" | "time" | "device">;
     readonly answer: RecorderState;
   };
-  /** Play a recording. Each of its devices appears, ends with the file, and can be played again or removed. */
-  "POST /api/recordings/{recording}/play": {
-    readonly path: { readonly recording: string };
-    readonly body: Defaulted<PlayRequest, "speed" | "loop" | "t0" | "t1">;
-    readonly answer: readonly DeviceInfo[];
-  };
   /** Begin an export; its progress is sent with the op `exports`. */
   "POST /api/recordings/{recording}/exports": {
     readonly path: { readonly recording: string };
@@ -1807,6 +1801,12 @@ export interface Routes {
     readonly path: { readonly recording: string };
     readonly query?: { readonly device?: string | undefined };
     readonly answer: Blob;
+  };
+  /** Play a recording. Each of its devices appears, ends with the file, and can be played again or removed. */
+  "POST /api/recordings/{recording}/play": {
+    readonly path: { readonly recording: string };
+    readonly body: Defaulted<PlayRequest, "speed" | "loop" | "t0" | "t1">;
+    readonly answer: readonly DeviceInfo[];
   };
   /** Sample frames of the wire; a bucket is two rows (min, max). `X-Exact: 1` when no channel is summarised. */
   "GET /api/recordings/{recording}/window": {
