@@ -219,7 +219,7 @@ class RollbackRun:
         raise JobError(f"The device was rolled back to the old settings, {who}.", "They can be applied again.")
 
     async def _write(self) -> list[WriteResult]:
-        report = self._report_state
+        report = self._running.step
         record = self.record
         known = self._known_values(self._controller.member.access.baud)
         body = settings_procedures.write_all(self._driver, known, record.new, report, record.held)
@@ -229,11 +229,11 @@ class RollbackRun:
         """Values of the device at the new settings; None if it does not answer there."""
         record = self.record
         if record.restart:
-            self._report_state("The device restarts")
+            self._running.step("The device restarts")
             await self._restart()
         if not await self._read_back():
             return None
-        self._report_state("Reading the settings back")
+        self._running.step("Reading the settings back")
         snapshot = await self._read(record.new)
         return snapshot.values if snapshot is not None and set(snapshot.values) >= set(record.new) else None
 
@@ -245,7 +245,7 @@ class RollbackRun:
             rates if len(rates) == 1 else rates * self._timings.rounds
         ):  # a restarting device may be missed at first
             if baud is not None and baud != self._controller.member.access.baud:
-                self._report_state(f"The link is opened at {group(baud)} Bd")
+                self._running.step(f"The link is opened at {group(baud)} Bd")
                 if not await self._controller.runner.reopen(baud):
                     continue
             if await self._alive():
@@ -272,7 +272,7 @@ class RollbackRun:
             )
         await self._report("pending", words)
         controller.member.suppress_timeout(False)
-        self._report_state("Keep these settings?")
+        self._running.step("Keep these settings?")
         try:
             async with asyncio.timeout(record.seconds):
                 await controller.answer.wait()
@@ -352,13 +352,13 @@ class RollbackRun:
         """Write the old settings to a device that answers; returns the problem that is left, "" for none."""
         record, driver = self.record, self._driver
         known = self._known_values(baud)
-        self._report_state("Putting the old settings back")
+        self._running.step("Putting the old settings back")
 
         def body() -> Any:
             identified = yield from driver.identify(known)
             self._check_identity(identified)
             return (
-                yield from settings_procedures.write_all(driver, known, record.old, self._report_state, held=record.old)
+                yield from settings_procedures.write_all(driver, known, record.old, self._running.step, held=record.old)
             )
 
         written: list[WriteResult] = await self._controller.run(driver.within(body(), known))
@@ -421,7 +421,7 @@ class RollbackRun:
     async def _read(self, names: Mapping[str, Any]) -> settings_procedures.SettingsSnapshot | None:
         known = self._known_values(self._controller.member.access.baud)
         altered_too = settings_procedures.altered(self._driver, known, names)
-        body = settings_procedures.read_settings(self._driver, known, [*names, *altered_too], self._report_state)
+        body = settings_procedures.read_settings(self._driver, known, [*names, *altered_too], self._running.step)
         try:
             snapshot = await self._controller.run(self._driver.within(body, known))
         except (NoReplyError, DeviceRejectedError) as error:
@@ -433,9 +433,6 @@ class RollbackRun:
 
     def _known_values(self, baud: int | None) -> DeviceContext:
         return replace(self.record.known, baud=baud, settings=self._controller.context.settings)
-
-    def _report_state(self, words: str) -> None:
-        self._running.step(words)
 
     async def _report(self, state: Literal["applying", "pending", "rolling-back", "unreachable"], words: str) -> None:
         """Store the state on disk and publish it to all clients.

@@ -32,4 +32,4 @@ def documents(openapi: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
 
 
 if __name__ == "__main__":
-    raise SystemExit(write(documents(document()), sys.argv[1:], "generate_docs"))
+    raise SystemExit(write(documents(document()), sys.argv[1:], "generators.docs"))

@@ -33,4 +33,4 @@ def generate_routes() -> str:
 
 if __name__ == "__main__":
     files = [*((target.path, generate(target)) for target in TARGETS), (ROUTES, generate_routes())]
-    raise SystemExit(write(files, sys.argv[1:], "generate_ts_types"))
+    raise SystemExit(write(files, sys.argv[1:], "generators.ts_types"))

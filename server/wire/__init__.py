@@ -78,6 +78,8 @@ When a device changes the layout of a quantity (float32 to float64, ENU to NED) 
 again; the one with the higher id is active.
 """
 
+import struct
+
 from imuscope.server.wire.channels import (
     BitsInfo,
     ChannelInfo,
@@ -103,13 +105,6 @@ from imuscope.server.wire.events import (
     EventInfo,
     EventKind,
     Level,
-)
-from imuscope.server.wire.frames import (
-    FLAG_HISTORY,
-    HEADER,
-    HEADER_FIELDS,
-    OPCODE_SAMPLES,
-    SUBPROTOCOL,
 )
 from imuscope.server.wire.jobs import (
     DeviceJobs,
@@ -195,3 +190,10 @@ __all__ = [
     "key_of",
     "lasting_name",
 ]
+
+SUBPROTOCOL = "imuscope.v1"
+OPCODE_SAMPLES = 1
+FLAG_HISTORY = 1
+HEADER = struct.Struct("<BBHIIIQIId")
+HEADER_FIELDS = ("opcode", "flags", "columns", "channel", "n", "dropped", "sequence", "size", "reserved", "now")
+assert HEADER.size == 40

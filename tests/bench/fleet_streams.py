@@ -28,8 +28,7 @@ from typing import Any
 from imuscope.server.access.route_rules import RouteRules
 from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_robot import PageServer
-from imuscope.server.wire import HEADER, SUBPROTOCOL
-from imuscope.server.wire.frames import OPCODE_SAMPLES
+from imuscope.server.wire import HEADER, OPCODE_SAMPLES, SUBPROTOCOL
 from tests.bench.fanout import FanoutReader, bare, cancel, figures_of
 from tests.bench.report import options_of, report
 from tests.extensions.fleet.fleet_robot import FleetRobot

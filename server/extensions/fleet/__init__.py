@@ -18,7 +18,7 @@ The store needs `imuscope[fleet]`.
 
     keys.py, reports.py    the bus: its keys, and the messages published under them
     bus.py, access.py      sessions of Zenoh, and the access rules of the router
-    publisher.py           a robot's side (`--fleet`); device_figures.py and active_alarms.py are in its reports
+    publisher.py           a robot's side (`--fleet`); device_figures.py is in its reports
     device_settings.py     settings of a device and their digest; known_settings.py has those of this robot
     operators.py           users who may command robots of some groups
     group_profiles.py      how far robots are from the profiles of their groups

@@ -24,11 +24,18 @@ from imuscope.server import wire
 from imuscope.server.access.route_rules import RouteRules
 from imuscope.server.concurrency.limiters import TokenBucket
 from imuscope.server.concurrency.tasks import end_tasks
+from imuscope.server.extensions.alarms.service import AlarmService
 from imuscope.server.extensions.fleet.model import keys
 from imuscope.server.extensions.fleet.model.bus import FleetBusError, client_settings, open_bus
 from imuscope.server.extensions.fleet.model.device_figures import DeviceFigures, clipped
 from imuscope.server.extensions.fleet.model.journal import ANSWER_BYTES, FOLDER, Journal
-from imuscope.server.extensions.fleet.model.reports import MAX_ALARMS, ReportedAlarm, RobotEvent, RobotStatus
+from imuscope.server.extensions.fleet.model.reports import (
+    MAX_ALARMS,
+    AlarmRaisedState,
+    ReportedAlarm,
+    RobotEvent,
+    RobotStatus,
+)
 from imuscope.server.extensions.fleet.model.settings import FleetTables
 from imuscope.server.extensions.fleet.model.status_summary import summary_of
 from imuscope.server.extensions.fleet.model.summaries import RobotSummary, with_hysteresis
@@ -41,6 +48,7 @@ from imuscope.server.version import VERSION
 
 if TYPE_CHECKING:
     import zenoh
+
 
 log = logging.getLogger("imuscope.fleet")
 
@@ -298,3 +306,16 @@ def _free(folder: object) -> int | None:
 def _leave(session: zenoh.Session) -> None:
     with contextlib.suppress(Exception):
         session.close()  # type: ignore[no-untyped-call]
+
+
+def active_alarms(alarms: AlarmService) -> list[ReportedAlarm]:
+    """The alarms that are raised at present, one for each device."""
+    reports = []
+    for stored in alarms.alarms:
+        for state in alarms.states(stored.id):
+            if state.raised:
+                acknowledged: AlarmRaisedState = "raised" if state.acknowledged is None else "acknowledged"
+                shown: AlarmRaisedState = "missing" if state.status == "missing" else acknowledged
+                definition = stored.definition
+                reports.append(ReportedAlarm(clipped(definition.name), definition.level, shown, clipped(state.device)))
+    return reports

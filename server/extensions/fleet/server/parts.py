@@ -35,9 +35,8 @@ def parts(services: Services) -> Iterator[ServicePart]:
 def _publisher(services: Services) -> ServicePart:
     """A robot in its fleet."""
     from imuscope.server.extensions.alarms.service import AlarmService
-    from imuscope.server.extensions.fleet.model.active_alarms import active_alarms
     from imuscope.server.extensions.fleet.model.reports import ReportedAlarm
-    from imuscope.server.extensions.fleet.robot.publisher import FleetPublisher
+    from imuscope.server.extensions.fleet.robot.publisher import FleetPublisher, active_alarms
     from imuscope.server.extensions.fleet.store.known_settings import KnownSettings
 
     config = services.config

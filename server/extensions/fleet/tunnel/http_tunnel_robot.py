@@ -384,7 +384,7 @@ class RobotStream:
         self._has_ended |= isinstance(answer, EndStream | StreamError)
         number, self._number = self._number, self._number + 1
         changes = {"stream": self._request.stream, "number": number}
-        await self._pages.put(self.server, _changed(answer, changes))
+        await self._pages.put(self.server, msgspec.structs.replace(answer, **changes))
 
     # ── for the sender of the live view, which distinguishes slow browsers from stuck ones ──────────────────────────
 
@@ -394,10 +394,6 @@ class RobotStream:
 
     def abort(self) -> None:
         self.stop()
-
-
-def _changed(answer: ResponseHead | ResponsePart | EndStream | StreamError, changes: dict[str, int]) -> Answer:
-    return msgspec.structs.replace(answer, **changes)
 
 
 def _sent_headers(headers: Any) -> tuple[tuple[str, str], ...]:
