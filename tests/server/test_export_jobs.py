@@ -62,7 +62,8 @@ def test_results_leave_space_for_recordings(tmp_path: Path, monkeypatch: pytest.
             number = running.client.post("/api/recordings/a/exports", json={"format": "csv"}).json()["id"]
 
             def done() -> list[dict[str, Any]] | None:
-                rows = running.client.get("/api/recordings/exports").json()
+                rows: list[dict[str, Any]] = running.client.get("/api/recordings/exports").json()
+                assert rows[0]["state"] != "failed", rows[0]
                 return rows if rows[0]["id"] == number and rows[0]["state"] == "done" else None
 
             rows = block_until(done, "the export is finished")
