@@ -1,4 +1,3 @@
-"""Access to the operating system: files that are replaced whole, locks, limits, priorities of processes.
-
-Imports only recordings/errors.py.
+"""Access to the operating system: files that are replaced whole, locks, limits, priorities of processes. Imports only
+recordings/errors.py.
 """

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from http.client import responses as phrases
 from typing import Any
 
 from fastapi import FastAPI
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from imuscope.server.access.auth import MAX_BODY, refuse
 from imuscope.server.access.route_rules import RouteRules
 from imuscope.server.api import (
     configure,
@@ -26,11 +29,11 @@ from imuscope.server.api import (
     snapshots,
     static_files,
     status,
-    unicode_guard,
     websocket,
     workspaces,
 )
 from imuscope.server.api.errors import ProblemBody
+from imuscope.server.errors import DomainError
 from imuscope.server.reference.pages import ReferencePages
 from imuscope.server.services.extension import extension_routers
 from imuscope.server.services.services import Services
@@ -76,7 +79,7 @@ def build_framework(services: Services) -> FastAPI:
     app.state.services = services
     app.state.reference = ReferencePages()
     errors.install(app)
-    app.add_middleware(unicode_guard.UnicodeGuard)
+    app.add_middleware(UnicodeGuard)
     for router in (*ROUTERS, *extension_routers(services), static_files.router):
         app.router.routes.extend(router.routes)
     of_every_route = errors.responses(401, 403, 411, 413, 415, 429, 500)
@@ -117,3 +120,55 @@ def describe(app: FastAPI, rules: RouteRules, common: Mapping[int | str, Mapping
         return schema
 
     app.openapi = openapi  # type: ignore[method-assign]
+
+
+SURROGATE = b"\\ud"
+
+
+class UnicodeGuard:
+    r"""ASGI middleware that rejects JSON bodies with an unpaired surrogate ("\ud83d"), which cannot be encoded in a
+    file, log or answer (RFC 8259 §8.2), and passes others on. Their size was checked before (server/access/auth.py).
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or not _is_json(scope):
+            await self._app(scope, receive, send)
+            return
+        messages: list[Message] = []
+        size, more = 0, True
+        while more and size <= MAX_BODY:
+            messages.append(await receive())
+            size += len(messages[-1].get("body", b""))
+            more = messages[-1].get("more_body", False)
+        if not is_whole(b"".join(message.get("body", b"") for message in messages)):
+            why = DomainError("bad-request", "Invalid Unicode: unpaired surrogate.", "Resend the text as valid UTF-8.")
+            await refuse(scope, receive, send, why)
+            return
+        pending = iter(messages)
+
+        async def replay() -> Message:
+            message = next(pending, None)
+            return message if message is not None else await receive()
+
+        await self._app(scope, replay, send)
+
+
+def is_whole(body: bytes) -> bool:
+    """False when a text in a JSON document cannot be encoded; invalid JSON is not checked here."""
+    if SURROGATE not in body.lower():
+        return True
+    try:
+        json.dumps(json.loads(body), ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        return False
+    except (ValueError, RecursionError):
+        return True
+    return True
+
+
+def _is_json(scope: Scope) -> bool:
+    kinds = [value for name, value in scope["headers"] if name.lower() == b"content-type"]
+    return any(kind.partition(b";")[0].strip().lower() == b"application/json" for kind in kinds)

@@ -1,4 +1,1 @@
-"""The application: routes, guards and services put together.
-
-Begin with build.py. Imported by commands only.
-"""
+"""The application: routes, guards and services put together. Begin with build.py. Imported by commands only."""

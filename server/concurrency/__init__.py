@@ -1,4 +1,1 @@
-"""Tasks, listeners, queues, limits and pauses that the event loop needs everywhere.
-
-Imports nothing else of the server.
-"""
+"""Tasks, listeners, queues, limits and pauses for the event loop. Imports nothing else of the server."""

@@ -1,4 +1,3 @@
-"""Files that are generated from the server: TypeScript types, routes, references in docs/.
-
-Begin with files.py. Imported by nothing.
+"""Files that are generated from the server: TypeScript types, routes, references in docs/. Begin with files.py.
+Imported by nothing.
 """

@@ -1,4 +1,3 @@
-"""The HTTP server below the application: TLS, connections, handshakes, shutdown, files of the page.
-
-Begin with server.py. Knows settings, no route.
+"""The HTTP server below the application: TLS, connections, handshakes, shutdown, files of the page. Begin with
+server.py. Knows settings, no route.
 """

@@ -1,4 +1,3 @@
-"""Long-lived objects of a server, and the doors through which extensions add theirs.
-
-Begin with services.py. Imports everything but api, app and commands.
+"""Long-lived objects of a server, and the doors through which extensions add theirs. Begin with services.py. Imports
+everything but api, app and commands.
 """

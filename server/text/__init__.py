@@ -1,4 +1,1 @@
-"""Text for others: printable characters, the format of Prometheus.
-
-Imports nothing else of the server.
-"""
+"""Text for others: printable characters, the format of Prometheus. Imports nothing else of the server."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.concurrency.heartbeat import UNWATCHED_S
-from imuscope.server.devices.device.processor_use import OVER_S, ProcessorUse
+from imuscope.server.devices.link.sessions import OVER_S, ProcessorUse
 from imuscope.server.streaming.clients import FLUSH_S
 from imuscope.server.streaming.send_queue import SendQueue
 from imuscope.server.streaming.shedding import CALM_S, KEEPS_UP_S, PAGE_INTERVAL_S, PICTURE_FACTOR, PICTURES_S, Shedding

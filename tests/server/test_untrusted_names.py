@@ -17,7 +17,7 @@ import pytest
 
 from imuscope.recordings.file_names import clean_name
 from imuscope.recordings.readers.file_suffixes import suffixes
-from imuscope.server.api.unicode_guard import is_whole
+from imuscope.server.api.framework import is_whole
 from imuscope.server.configuration.snapshots import Snapshot, Snapshots
 from imuscope.server.settings.config import Config
 from tests.each_row import each_row

@@ -1,4 +1,1 @@
-"""Decoding of the bytes of a link: protocol, options, share of the processor.
-
-Begin with decode_pipeline.py. Imports device.
-"""
+"""Decoding of the bytes of a link: protocol, options, processor time. Begin with decode_pipeline.py. Imports device."""

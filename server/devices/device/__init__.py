@@ -1,4 +1,3 @@
-"""One device: its name, its state, its samples on the way to channels, its figures and events.
-
-Begin with ingest.py. Imports neither decode nor link.
+"""One device: its name, its state, its samples on the way to channels, its figures and events. Begin with ingest.py.
+Imports neither decode nor link.
 """

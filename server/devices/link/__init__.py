@@ -1,4 +1,1 @@
-"""A link and its devices: connection, recent bytes, who else reads it.
-
-Begin with session.py. Imports decode and device.
-"""
+"""A link and its devices: connection, recent bytes, other readers. Begin with session.py. Imports decode and device."""

@@ -8,6 +8,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 from imuscope.server import wire
 from imuscope.server.concurrency.heartbeat import UNWATCHED_S, beat, next_beat
@@ -23,7 +24,6 @@ from imuscope.server.devices.decode.decode_scheduler import DecodeScheduler
 from imuscope.server.devices.decode.protocol_detection import ProtocolSet
 from imuscope.server.devices.decode.sequence_store import EVERY_S, SequenceStore
 from imuscope.server.devices.device.device_names import DeviceNames
-from imuscope.server.devices.device.processor_use import ProcessorUse
 from imuscope.server.devices.link.byte_memory import ByteMemory, LinkMemory
 from imuscope.server.devices.link.session import Session
 from imuscope.server.errors import DomainError
@@ -32,6 +32,7 @@ from imuscope.server.links.replay import split_devices
 from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.streaming.shedding import Shedding
+from imuscope.server.wire import BusyReason
 
 log = logging.getLogger("imuscope.session")
 
@@ -271,3 +272,40 @@ class Sessions:
             size = f"{abs(step_s):.3g}" if abs(step_s) < 100 else f"{abs(step_s):,.0f}".replace(",", " ")
             text = f"This host's clock was set {way} by {size} s; times on this page stay as they were."
             self._bus.event("", "clock", "warning", text, data={"step_s": step_s})
+
+
+SCHEDSTAT = Path("/proc/thread-self/schedstat")
+OVER_S = 2.0
+WAITED, USED = 0.25, 0.7  # shares of the time
+
+
+class ProcessorUse:
+    """Shares of the last seconds in which the calling thread waited for a processor, and ran: why decoding is behind.
+    Linux counts both for each thread; elsewhere no reason is reported.
+
+    Args:
+        schedstat: counters of the thread: ns that it ran, ns that it waited, turns.
+    """
+
+    def __init__(self, schedstat: Path = SCHEDSTAT) -> None:
+        self._path = schedstat
+        self._last: tuple[float, int, int] | None = None  # s, ns, ns
+        self.waited = self.used = 0.0
+
+    def update(self, now: float) -> None:
+        """Read the counters, at most every `OVER_S`. `now`: monotonic, s."""
+        if self._last is not None and now - self._last[0] < OVER_S:
+            return
+        try:
+            ran, waited = (int(count) for count in self._path.read_text().split()[:2])
+        except (OSError, ValueError):
+            return
+        if self._last is not None:
+            span = 1e9 * (now - self._last[0])
+            self.used, self.waited = (ran - self._last[1]) / span, (waited - self._last[2]) / span
+        self._last = now, ran, waited
+
+    @property
+    def reason(self) -> BusyReason:
+        """Why decoding is behind, if it is: "" if that is not known."""
+        return "others" if self.waited > WAITED else "decoding" if self.used > USED else ""

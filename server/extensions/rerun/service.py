@@ -22,10 +22,11 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from imuscope.server import wire
+from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.rerun.remote import RemoteRerun
 from imuscope.server.extensions.rerun.settings import RerunSettings
-from imuscope.server.integrations.viewer_process import ViewerProcess, ViewError
+from imuscope.server.integrations.viewer_process import KeptProcess, ViewerProcess, ViewError
 from imuscope.server.services.parts import ServicePart
 from imuscope.server.services.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
@@ -264,3 +265,55 @@ def parts(services: Services) -> Iterator[ServicePart]:
     """Long-lived objects, for a server with these services."""
     service = Rerun(services.telemetry, services.config.of(RerunSettings).rerun_connect)
     yield ServicePart("Rerun", service, service.close, service.start)
+
+
+MODULE = "imuscope.server.extensions.rerun.worker"
+AGAIN_S, LONGEST_S = 2.0, 60.0
+STUCK_S = 5.0
+
+
+class RemoteRerun:
+    """A stream to one viewer on another machine (`--rerun-connect`). To be used in the server's event loop.
+
+    Rerun's SDK neither bounds the data queued for a stalled viewer nor reconnects. So its process sends more only when
+    the last data was taken, ends itself if nothing was taken for `STUCK_S`, and is restarted here with growing delays.
+    A viewer that was just reached gets the last half minute, newest first; data of the interruption is left out,
+    because live data matters more. The process says {"op": "reached"} or {"op": "stuck"}; both are events, once each.
+
+    Attributes:
+        process: to be started and closed.
+
+    Args:
+        address: in the form of Rerun: rerun+http://HOST:PORT/proxy.
+        again_s: first delay before a retry.
+        stuck_s: time without accepted data after which the viewer counts as gone.
+    """
+
+    def __init__(self, telemetry: Telemetry, address: str, again_s: float = AGAIN_S, stuck_s: float = STUCK_S) -> None:
+        self._bus = telemetry.bus
+        self._address = address
+        self._backoff = Backoff(again_s, LONGEST_S)
+        self._reached: bool | None = None  # as last reported
+        self.process = KeptProcess(
+            lambda crashed: ViewerProcess(telemetry.clients, MODULE, self._on_report, crashed),
+            lambda: self.process.send(op="open", device="", connect=address, stuck_s=stuck_s),
+            self._crashed,
+            self._backoff,
+        )
+
+    def _on_report(self, words: Mapping[str, Any]) -> None:
+        if words["op"] == "reached":
+            self._backoff.reset()
+            self._send(True, "info", f"The Rerun viewer at {self._address} receives live data.")
+        elif words["op"] == "stuck":
+            text = f"The Rerun viewer at {self._address} does not accept data; retrying."
+            self._send(False, "warning", text)
+
+    def _crashed(self, words: str) -> None:
+        text = f"The stream to the Rerun viewer at {self._address} ended unexpectedly and is restarted."
+        self._send(False, "warning", text, said=words[-500:])
+
+    def _send(self, reached: bool, level: wire.Level, text: str, **more: Any) -> None:
+        if reached is not self._reached:
+            self._reached = reached
+            self._bus.event("", "link", level, text, data=more)

@@ -8,7 +8,7 @@ there are 20 batches a second, regardless of the rates of the devices. Messages 
 
 `still`: static data and the layout; `restart`: earlier static data is void, because devices were added or removed.
 `past`: earlier samples, from the server's history; `newest`: arrival of the newest sample. With the address of a remote
-viewer, all data is sent there instead, at the rate it accepts; the messages are then those of rerun_remote.py.
+viewer, all data is sent there instead, at the rate it accepts; the messages are then those of service.py.
 """
 
 from __future__ import annotations

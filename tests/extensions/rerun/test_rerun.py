@@ -344,7 +344,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
 
 def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
     """A stalled viewer: it accepts the connection and reads nothing. Rerun's SDK stores all data sent to it."""
-    from imuscope.server.extensions.rerun import remote as rerun_remote
+    from imuscope.server.extensions.rerun import service as rerun_remote
 
     async def look(address: str) -> None:
         now = asyncio.get_running_loop().time

@@ -1,4 +1,3 @@
-"""Comparison of two sides: time offset, rotation between them, differences.
-
-Begin with comparison.py. Imports signals and expressions.
+"""Comparison of two sides: time offset, rotation between them, differences. Begin with comparison.py. Imports signals
+and expressions.
 """

@@ -1,4 +1,1 @@
-"""Channels derived by formulas, live and recorded.
-
-Begin with expressions.py. Imports signals and noise.
-"""
+"""Channels derived by formulas, live and recorded. Begin with expressions.py. Imports signals and noise."""

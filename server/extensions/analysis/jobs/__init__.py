@@ -1,4 +1,3 @@
-"""Analyses that run in processes of their own, their routes and commands.
-
-Begin with jobs.py. May import all rooms of analysis.
+"""Analyses that run in processes of their own, their routes and commands. Begin with jobs.py. May import all rooms of
+analysis.
 """

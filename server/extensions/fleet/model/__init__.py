@@ -1,4 +1,3 @@
-"""Records that robots, fleet servers and pages exchange: reports, settings, keys, journals, access.
-
-Imports no other room of the fleet.
+"""Records that robots, fleet servers and pages exchange: reports, settings, keys, journals, access. Imports no other
+room of the fleet.
 """

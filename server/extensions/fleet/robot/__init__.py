@@ -1,4 +1,3 @@
-"""Membership of a robot: its reports, its settings, findings for its own doctor.
-
-Begin with publisher.py. Imports model and store.
+"""Membership of a robot: its reports, its settings, findings for its own doctor. Begin with publisher.py. Imports model
+and store.
 """

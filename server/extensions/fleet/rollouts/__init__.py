@@ -1,4 +1,1 @@
-"""Changes of settings of many robots, step by step.
-
-Begin with rollouts.py. Imports model and tunnel.
-"""
+"""Changes of settings of many robots, step by step. Begin with rollouts.py. Imports model and tunnel."""

@@ -1,4 +1,1 @@
-"""The fleet server: collector, alarms, routes, commands.
-
-Begin with fleet_server.py. Imports all rooms of the fleet but robot.
-"""
+"""Fleet server: collector, alarms, routes, commands. Begin with fleet_server.py. Imports all rooms but robot."""

@@ -1,4 +1,1 @@
-"""HTTP requests of a page through the connection that a robot keeps open.
-
-Begin with http_tunnel_protocol.py. Imports model.
-"""
+"""Requests of a page through the connection that a robot keeps. Begin with http_tunnel_protocol.py. Imports model."""

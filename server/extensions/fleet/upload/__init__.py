@@ -1,4 +1,1 @@
-"""Uploads of recordings from a robot to the store.
-
-Begin with uploads.py. Imports model, store and robot.
-"""
+"""Uploads of recordings from a robot to the store. Begin with uploads.py. Imports model, store and robot."""
