@@ -25,7 +25,7 @@ RUN uv sync --frozen --no-dev --no-install-project
 COPY . .
 ARG COMMIT=""
 RUN IMUSCOPE_COMMIT="$COMMIT" uv sync --frozen --no-dev --no-editable
-RUN cd / && /app/bin/python -c "from imuscope.protocols import compiled, registry; assert compiled.is_complete()"
+RUN cd / && /app/bin/python -c "from imuscope.protocols.native import kernels; from imuscope.protocols.registry import families; assert kernels.is_complete()"
 
 FROM python:3.13.12-slim-bookworm
 COPY --from=build /app /app

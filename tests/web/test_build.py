@@ -6,6 +6,7 @@ import importlib.util
 import json
 import re
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType
 
@@ -13,6 +14,7 @@ import pytest
 
 from tests.each_row import each_row
 from tests.server_process import ROOT
+from tests.source_files import python_files, text_of
 
 
 @pytest.fixture
@@ -143,3 +145,12 @@ def test_an_editable_installation_has_compiled_sources(build: ModuleType, monkey
     hook.initialize("editable", {})
     hook.finalize("editable", {}, "")
     assert [path.name.partition(".")[0] for path in build.WEB.parent.rglob("*.pyc")] == ["app"]
+
+
+def test_machine_code_is_built_anew_after_a_pull_that_changed_a_kernel() -> None:
+    """Regression: kernels that moved to files of another name were not, and decoding ran as plain Python."""
+    keys = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["uv"]["cache-keys"]
+    watched = {path for key in keys for path in ROOT.glob(key["file"])}
+    kernels = {path for path in python_files("protocols", "recordings", "server") if "\n@compiled(" in text_of(path)}
+    assert len(kernels) > 10
+    assert kernels <= watched
