@@ -20,7 +20,7 @@ class FakeMember:
     """The part of the interface that `decode` uses."""
 
     class link_session:  # noqa: N801
-        class reading:  # noqa: N801
+        class decode_options:  # noqa: N801
             @staticmethod
             def settings(names: Any) -> dict[str, Any]:
                 return {}
