@@ -23,10 +23,10 @@ ARROWS: Mapping[str, str] = {
     "protocols": """
         arrays
         native
-        rotations
-        schema
         clocks <- arrays native
-        events <- arrays schema
+        rotations <- arrays
+        schema <- arrays
+        events <- schema
         simulator <- rotations
         commands <- events
         framing <- native events

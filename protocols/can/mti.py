@@ -25,7 +25,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.can.rows import Array, CanDeviceKind, CanRow, JoinedQuantity, Payloads, Role
+from imuscope.protocols.arrays import Array
+from imuscope.protocols.can.rows import CanDeviceKind, CanRow, JoinedQuantity, Payloads, Role
 from imuscope.protocols.schema.fields import Field
 from imuscope.protocols.xbus.data_identifiers import BY_NAME, PVT_FIELDS, UTC_FIELDS
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.schema.fields import Field
 from imuscope.protocols.schema.layouts import Layout, size_of
 
-Array = NDArray[Any]
 Payloads = NDArray[np.uint8]
 """(n, 8): the bytes of n frames."""
 

@@ -48,15 +48,13 @@ from __future__ import annotations
 
 from collections import deque
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.clocks.delay_stats import RECENT_NS, DelaySpread, DelayStatistics
 from imuscope.protocols.clocks.kernels import host_times
-
-Array = NDArray[Any]
 
 WINDOW_S = 120  # memory of the envelope: a beat between a 125 Hz stream and 16 ms polls takes 80 s at 100 ppm; with a
 # longer one a drift that changes by 8 ppm a minute (a sensor warming up) would cost more than half a millisecond

@@ -26,17 +26,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clocks.clock_model import ClockModel
 from imuscope.protocols.clocks.delay_stats import FEWEST, DelaySpread, DelayStatistics
 from imuscope.protocols.clocks.kernels import decreases, delays_of
 
-Array = NDArray[Any]
 Floats = NDArray[np.float64]
 
 LATE_NS = 10e9

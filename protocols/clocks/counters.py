@@ -8,11 +8,10 @@ Both see only the numbers. clock_sync.py maps device time to the host's clock.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.clocks.tick_unwrap import (
     ARRIVAL,
     LATE_RUN,
@@ -26,8 +25,6 @@ from imuscope.protocols.clocks.tick_unwrap import (
     follow,
 )
 from imuscope.protocols.native.kernels import INT, INTS, TRIPLE, compiled
-
-Ints = NDArray[np.int64]
 
 LATE_SHARE = 1024  # a row behind the newest by up to this share of the modulus is late
 RESTART_SHARE = 8
@@ -70,7 +67,6 @@ def count_missing(values: Ints, last: int, modulus: int, lost: Ints, restarts: I
     return last, total, restart_count
 
 
-Array = NDArray[Any]
 Times = NDArray[np.int64]
 
 # -- counters ----------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Ints = NDArray[np.int64]
+from imuscope.protocols.arrays import Ints
 
 UNKNOWN = -1
 S = 1_000_000_000

@@ -29,12 +29,11 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from imuscope.protocols.arrays import Array
 
 HISTORY = 2048  # delays remembered
 RECENT_NS = 5e9

@@ -15,12 +15,8 @@ With arrival times, `near` is the time elapsed at the host, so that an outage is
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.native.kernels import FLAG, INT, INTS, TABLE, compiled
-
-Ints = NDArray[np.int64]
 
 LATE_ROWS = 8  # after this many late rows in a row the clock was set back
 NEAR_SHARE = 4096  # without arrival times, a step of more than this share of the wrap is a jump

@@ -11,11 +11,9 @@ the frame's key, and a hash table finds the group of a key in a few nanoseconds,
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.native.kernels import INT, INTS, compiled, unsigned
-
-Ints = NDArray[np.int64]
 
 _MAX_SLOTS = 4096  # a stream has a handful of keys; noise with more only makes chains longer and slower
 

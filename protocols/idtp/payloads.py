@@ -15,12 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Bytes, Ints
+from imuscope.protocols.arrays import Array, Bytes, Ints
 from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.messages import (
     BY_ID,
@@ -38,7 +37,6 @@ from imuscope.protocols.native.kernels import INTS, NOTHING, READ_ROWS, ROWS, TA
 from imuscope.protocols.schema.fields import Field, Message
 from imuscope.protocols.schema.layouts import Layout, LazyColumns, element, size_of
 
-Array = NDArray[Any]
 Rotation = Literal["enu_from_body", "body_from_enu"]
 
 UNIT_TOLERANCE = 0.01  # of the norm: float32 and slow filters stay far below; beyond it an attitude is off by a degree

@@ -17,18 +17,16 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imuscope.protocols import rotations
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.idtp.frames import MODES, SAFETY, SECURE, build
 from imuscope.protocols.idtp.messages import ACCELERATION, BY_NAME, FIELD, PRESSURE, QUATERNION, RATE
 from imuscope.protocols.schema.fields import Message
 from imuscope.protocols.simulator import trajectory
 
-Array = NDArray[Any]
 Output = tuple[str, int]
 """A payload type by name, and its rate per second."""
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.clocks.dates import UNKNOWN, Ints
+from imuscope.protocols.arrays import Ints
+from imuscope.protocols.clocks.dates import UNKNOWN
 from imuscope.protocols.commands.composer import ProtocolComposer
 from imuscope.protocols.commands.mounting import Floats, MountingSetting
 from imuscope.protocols.commands.rate_tables import RateRow, RateTable

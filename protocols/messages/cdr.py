@@ -24,11 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Ints
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.messages.message_table import MessagePayloads
 from imuscope.protocols.messages.ros2msg import StructField, StructType
-
-Array = NDArray[Any]
 
 LONGEST_ARRAY = 16  # of a longer one no element is a column
 MOST_COLUMNS = 500

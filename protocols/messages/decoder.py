@@ -17,11 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.clocks.counters import SequenceCounter
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, SampleGap
 from imuscope.protocols.framing.stream_buffer import StreamBuffer
@@ -53,9 +52,6 @@ from imuscope.protocols.messages.ros2msg import parse
 from imuscope.protocols.messages.stamps import StampTrack
 from imuscope.protocols.messages.walkers import SENSELESS, STAMPS, NumericMessage, json_reader, protobuf_reader
 from imuscope.protocols.schema.fields import Field, Message
-
-Array = NDArray[Any]
-Ints = NDArray[np.int64]
 
 STAMP = Field("stamp", "f8", unit="s", doc="Time in the message, of a clock that is not the time axis.")
 MOST_CHANNELS = 1024

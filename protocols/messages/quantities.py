@@ -22,14 +22,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.schema.fields import Field
-
-Array = NDArray[Any]
 
 REP_145 = "ROS REP 145"
 UNITS: Mapping[str, Mapping[str, str]] = {

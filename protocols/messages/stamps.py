@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-Ints = NDArray[np.int64]
+from imuscope.protocols.arrays import Ints
 
 LATE_NS, AHEAD_NS = 60_000_000_000, 5_000_000_000  # a stamp earlier or later than that is of another clock
 BACK_NS = 1_000_000_000

@@ -36,9 +36,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.schema.fields import Field
-
-Array = NDArray[Any]
 
 _FP1632 = np.dtype([("low", ">u4"), ("high", ">i2")])
 _SPECIAL = {"fp1220": np.dtype(">i4"), "fp1632": _FP1632, "bytes": np.dtype("u1"), "ascii": np.dtype("S1")}

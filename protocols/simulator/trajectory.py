@@ -31,15 +31,14 @@ the simulators.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.rotations import of_euler, side_by_side, to_body
 
 Floats = NDArray[np.float64]
-Array = NDArray[Any]
 
 # -- the place: 45° N on the zero meridian, halfway between equator and pole -------------------------------------------
 

@@ -20,13 +20,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
-Ints = NDArray[np.int64]
+from imuscope.protocols.arrays import Array, Ints
 
 NEAR, FAR = (16, 64), (256, 1024, 4096)
 LEVELS = (*NEAR, *FAR)

@@ -29,9 +29,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from mcap.opcode import Opcode
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Ints
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings.columns.store import ExactRows
 from imuscope.recordings.exporters.entities import DeviceEntity, devices_of
@@ -42,7 +41,6 @@ from imuscope.recordings.file_names import device_names
 from imuscope.recordings.mcap.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from imuscope.recordings.optional_packages import lacks
 
-Array = NDArray[Any]
 Info = Mapping[str, Any]
 
 WINDOW = 1 << 14  # rows of the busiest channel held at once

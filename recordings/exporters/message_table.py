@@ -22,15 +22,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.recordings.columns.payloads import BYTES
 from imuscope.recordings.columns.store import ColumnStore, ExactRows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep, with_unit
 from imuscope.recordings.exporters.topics import frame_of
 
-Array = NDArray[Any]
-Ints = NDArray[np.int64]
 JoinedRows = tuple[int, int]
 
 WINDOW = 1 << 16  # rows

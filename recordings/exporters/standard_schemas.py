@@ -18,13 +18,13 @@ import numpy as np
 from foxglove.messages import FrameTransform, LocationFix, Log, LogLevel, Quaternion, Timestamp, Vector3
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.rotations import ENU_FROM, multiply, quaternions
 from imuscope.recordings.exporters.entities import Attitude, PositionEntity
 from imuscope.recordings.exporters.enu import is_place
 
 __all__ = ["ATTITUDE", "POSITION", "FrameTransform", "LocationFix", "Log", "fixes", "heights", "logged", "transforms"]
 
-Array = NDArray[Any]
 Times = NDArray[np.int64]
 Message = tuple[int, bytes]  # row index, protocol buffer
 

@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.messages.own_schema import LETTERS, letters
 
 if TYPE_CHECKING:  # imported where many rows are encoded, so that a server starts sooner
     import pyarrow as pa
 
-Array = NDArray[Any]
 Info = Mapping[str, Any]  # a channel: server/wire/ ChannelInfo
 EVENTS = "/events"
 

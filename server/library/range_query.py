@@ -21,15 +21,13 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.recordings.columns.statistics import norm_statistics, statistics
 from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
 from imuscope.server import wire
 from imuscope.server.streaming.channel_store import StoredChannel
 from imuscope.server.wire import codec as wire_codec
-
-Array = NDArray[Any]
 
 THINNED = ("quaternion", "matrix")
 

@@ -10,18 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Ints
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.events import Batch
 from imuscope.protocols.schema.layouts import Layout, LazyColumns
 from imuscope.server.streaming.ring_kernel import DIVIDE, MULTIPLY
 from imuscope.server.wire import ChannelInfo
 
-Array = NDArray[Any]
 Copies = tuple[Layout, Ints, Array]
 
 

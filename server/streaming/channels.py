@@ -26,11 +26,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, cast
+from typing import Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.events import Batch
 from imuscope.protocols.schema.fields import Bits, Field, Message
 from imuscope.protocols.schema.layouts import LazyColumns
@@ -49,7 +49,6 @@ from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
 
 log = logging.getLogger("imuscope.channels")
 
-Array = NDArray[Any]
 Advertise = Callable[[ChannelInfo], int]
 Kind = Literal["vector", "quaternion", "matrix", "euler", "status", "scalar", "record", "table", "counter"]
 Axis = Literal["", "x", "y", "z", "w"]

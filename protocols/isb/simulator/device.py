@@ -28,6 +28,7 @@ from collections import Counter
 
 import numpy as np
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.embedded.finders import STARTS, find
 from imuscope.protocols.events import Text
 from imuscope.protocols.framing.stream_parser import StreamParser
@@ -45,7 +46,6 @@ from imuscope.protocols.isb.simulator.signals import (
     SLOW,
     SOURCES,
     UTC_2026_S,
-    Array,
     S,
     SignalSamples,
     SignalSource,

@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols import rotations
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.frames import DATA, FIRST, HEADER, SECOND, TRAILER
 from imuscope.protocols.isb.time_base import GPS_EPOCH, WEEK_S
@@ -39,7 +40,6 @@ from imuscope.protocols.schema.layouts import element
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 
-Array = NDArray[Any]
 Floats = NDArray[np.float64]
 
 S = 10**9

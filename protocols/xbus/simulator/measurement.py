@@ -20,17 +20,14 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.xbus import frames
 from imuscope.protocols.xbus.output_configuration import ALWAYS, streams
 from imuscope.protocols.xbus.simulator.signals import ItemValues, XbusSignalSource
-
-Array = NDArray[Any]
 
 BLOCK_NS = 250_000_000
 

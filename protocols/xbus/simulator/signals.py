@@ -17,17 +17,17 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols import rotations
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 from imuscope.protocols.xbus.output_configuration import OUTPUTS
 
-Array = NDArray[Any]
 Floats = NDArray[np.float64]
 
 TICKS_S = 10_000  # SampleTimeFine

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.arrow_table import BATCH_ROWS, ArrowColumns
 from imuscope.recordings.tables.format import MAX_COLUMNS
@@ -17,7 +17,6 @@ from imuscope.recordings.tables.table_source import is_rate_name
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Array = NDArray[Any]
 FEWEST = 2
 AXES = ("x", "y", "z")
 

@@ -13,8 +13,9 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from imuscope.protocols.arrays import Array
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.readers.formats.array_columns import Array, columns_of
+from imuscope.recordings.readers.formats.array_columns import columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_line
 from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader

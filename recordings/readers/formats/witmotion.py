@@ -27,10 +27,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Array
 from imuscope.protocols.clocks.dates import UNKNOWN, utc_ns
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.errors import RecordingError
-from imuscope.recordings.readers.formats.array_columns import Array, columns_of
+from imuscope.recordings.readers.formats.array_columns import columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource
 from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
 from imuscope.recordings.system.regular_file import open_regular

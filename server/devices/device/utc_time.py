@@ -14,11 +14,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.clocks.dates import UNKNOWN
 from imuscope.protocols.events import Batch, ClockStep
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class Dating:

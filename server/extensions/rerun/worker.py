@@ -24,11 +24,12 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from imuscope.protocols.arrays import Array
 from imuscope.recordings.exporters.entities import DeviceEntity, devices_of
 from imuscope.recordings.exporters.enu import Origin, is_place
 from imuscope.server.extensions.rerun.rrd import chunks, static
 from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
-from imuscope.server.extensions.rerun.rrd.chunks import Array, Times, nanoseconds
+from imuscope.server.extensions.rerun.rrd.chunks import Times, nanoseconds
 from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.wire.codec import SampleFrame
 

@@ -25,6 +25,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from imuscope.protocols.arrays import Array
 from imuscope.recordings.columns.payloads import payloads_of
 from imuscope.recordings.columns.store import BLOCK_ROWS, Base, ColumnStore, ExactRows, MinMaxBuckets
 from imuscope.recordings.exporters.entities import DeviceEntity, Info, PositionEntity, devices_of
@@ -33,7 +34,7 @@ from imuscope.recordings.file_names import device_names
 from imuscope.recordings.system import atomic_write
 from imuscope.server.extensions.rerun.rrd import chunks, static
 from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
-from imuscope.server.extensions.rerun.rrd.chunks import LEVELS, Array, Times, nanoseconds, times_of
+from imuscope.server.extensions.rerun.rrd.chunks import LEVELS, Times, nanoseconds, times_of
 
 MAX_TEXTS = 20_000  # of one status word: one that changes with every sample is better shown as a curve
 EVENTS, MARKERS = ("events",), ("markers",)
