@@ -222,6 +222,9 @@ def report(outcomes: Sequence[Outcome], memory: int) -> None:
         for name in dict.fromkeys(failed):
             print(f"  {python} -m pytest '{name}'")
     for outcome in outcomes:
+        if outcome.last_lines:
+            print(f"\n{outcome.name} ended with:", *outcome.last_lines, sep="\n  ")
+    for outcome in outcomes:
         if outcome.name == "pytest":
             print(outcome.closing)  # as pytest wrote it, last
 

@@ -57,6 +57,15 @@ def test_a_failure_says_what_to_run_again(capsys: pytest.CaptureFixture[str]) ->
     assert printed.endswith("\n1 failed\n")  # CI reads pytest's closing line
 
 
+def test_the_report_repeats_the_end_of_a_part_that_failed(capsys: pytest.CaptureFixture[str]) -> None:
+    """CI kept the end of the log: that all 1074 tests had passed, and not what failed beside them."""
+    script = "print('1 error'); print('Tests 9 passed'); raise SystemExit(1)"
+    outcome = parts.run(python(script), [sys.executable, "-c", script], {})
+    capsys.readouterr()
+    check.report([outcome], 0)
+    assert "tests ended with:\n  1 error\n  Tests 9 passed\n" in capsys.readouterr().out
+
+
 def test_a_part_that_goes_silent_is_ended_with_what_it_began(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

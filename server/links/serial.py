@@ -28,6 +28,7 @@ import errno
 import os
 import termios
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -234,6 +235,8 @@ def open_port(place: str, line: SerialSettings) -> Any:
             timeout=0,
             exclusive=True,
         )
+    except termios.error as error:  # pyserial passes it on, and it is no OSError
+        raise cannot_open(place, line, OSError(*error.args)) from None
     except (serial.SerialException, OSError, ValueError) as error:
         raise cannot_open(place, line, error) from None
 
@@ -251,10 +254,13 @@ def try_rate(port: Any, place: str, baud: int) -> None:
         if code is not None and termios.tcgetattr(port.fd)[5] != code:
             raise ValueError("the driver set another rate")
     except (OSError, ValueError, termios.error, serial.SerialException) as error:
+        if hung_up(port.fd):
+            raise gone(place) from None
         hint = "Choose a rate that the adapter supports, or use another adapter."
         raise LinkError("refused", f"{place} cannot be set to {baud} Bd: {error}.", hint) from None
     finally:
-        port.baudrate = before
+        with suppress(OSError, termios.error):  # it is gone
+            port.baudrate = before
 
 
 def cannot_open(place: str, line: SerialSettings, error: Exception) -> LinkError:
@@ -266,6 +272,8 @@ def cannot_open(place: str, line: SerialSettings, error: Exception) -> LinkError
         return busy(place)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return LinkError("not-found", f"There is no port {place}.", present_ports())
+    if number == errno.EIO:  # it was pulled while it was opened
+        return gone(place, error)
     if number == errno.ENOTTY or (number is None and "onfigure" in str(error)):
         return LinkError("refused", f"{place} is not a serial port.", present_ports())
     rate = f" at {line.baud} Bd" if line.baud else ""

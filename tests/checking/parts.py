@@ -19,6 +19,8 @@ from tests.source_files import ROOT
 
 SILENT_S = 300.0  # a part that prints nothing for so long hangs; a test that hangs is reported (hang_report.py)
 
+LAST_LINES = 40  # that the report repeats
+
 ABORT_S = 5.0  # to print that
 INHERITED: tuple[int, ...] = ()  # descriptors of this process that parts keep
 
@@ -45,6 +47,7 @@ class Outcome:
     processor: float  # seconds of a processor
     closing: str
     failed: tuple[str, ...] = ()  # names of tests
+    last_lines: tuple[str, ...] = ()  # of a narrow part that failed: often only the end of a log is kept
 
 
 def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
@@ -89,7 +92,8 @@ def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     closing = closing or [f"exit status {process.returncode}" if process.returncode else "no complaint"]
     failed = tuple(found[2] for line in lines if (found := re.match(r"(FAILED|ERROR) (\S.*?)(?: - .*)?$", line)))
     seconds, processor = time.monotonic() - began, usage.ru_utime + usage.ru_stime
-    return Outcome(part.name, process.returncode, seconds, processor, closing[-1], failed if is_wide else ())
+    end = tuple(lines[-LAST_LINES:]) if process.returncode and not is_wide else ()
+    return Outcome(part.name, process.returncode, seconds, processor, closing[-1], failed if is_wide else (), end)
 
 
 class _SilenceWatch:

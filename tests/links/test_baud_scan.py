@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from imuscope.server.links.base import Attempt, ScanWindows
+from imuscope.server.links.base import Attempt, LinkError, ScanWindows
 from imuscope.server.links.baud_scan import ENOUGH_BYTES, find_baud, likely_rates, scan
 from imuscope.server.links.detection_text import describe_bytes
-from imuscope.server.links.serial import SerialSettings, open_port
+from imuscope.server.links.serial import SerialSettings, open_port, try_rate
 from imuscope.server.links.source_url import open_link
 from tests.each_row import each_row
 from tests.links.link_fixtures import device, fails, frame, gather, joined, left_behind, pty, settings
@@ -131,6 +131,29 @@ async def test_a_plug_pulled_during_the_search() -> None:
         port.pull()
         assert (await opening).kind == "gone"
         assert left_behind()[1] == before
+
+
+@pytest.mark.parametrize("call", ["tcsetattr", "tcflush"])
+async def test_a_plug_pulled_while_its_port_is_opened(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What pyserial raised was no OSError, and passed through the link."""
+    usual = getattr(termios, call)
+    with pty() as port:
+
+        def pull_first(*arguments: Any) -> None:
+            port.pull()
+            usual(*arguments)
+
+        monkeypatch.setattr(termios, call, pull_first)
+        assert (await fails(open_link(port.path, settings()).open())).kind == "gone"
+
+
+def test_a_plug_pulled_while_a_rate_is_tried() -> None:
+    with pty() as port:
+        opened = open_port(port.path, SerialSettings(baud=115_200))
+        port.pull()
+        with pytest.raises(LinkError, match="is gone"):
+            try_rate(opened, port.path, 57_600)
+        opened.close()
 
 
 async def test_a_rate_refused_by_the_adapter_does_not_stop_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:

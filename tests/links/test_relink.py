@@ -141,7 +141,7 @@ def terminals_up_to(name: str) -> Iterator[list[int]]:
 class FakeAdapter:
     """A port whose driver refuses a rate or silently chooses another."""
 
-    fd = -1
+    fd = os.open(os.devnull, os.O_RDONLY)
 
     def __init__(self, refuses: int = 0) -> None:
         self._baud = 115_200

@@ -203,7 +203,8 @@ class Port:
                     raise ValueError("the driver set another rate")
         except (OSError, ValueError, termios.error) as error:
             if self._handle is not None and before is not None:
-                self._handle.baudrate = before
+                with contextlib.suppress(OSError, termios.error):  # it is gone
+                    self._handle.baudrate = before
             raise PortError(str(error), errno.EINVAL) from None
         self.baud = baud
 
