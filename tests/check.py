@@ -1,6 +1,7 @@
 """The whole check, in one command: `uv run tests/check.py`.
 
     page     built, when it is stale                       web/build.py
+    site     the documentation, when it is stale           tests/checking/site.py
     style    ruff check, ruff format; biome                Python; TypeScript, CSS
     types    mypy --strict, tsc                            Python, TypeScript
     tests    vitest; pytest: units, server, real browser   TypeScript; Python
@@ -94,6 +95,7 @@ STAGES = (("page",), ("narrow", "wide"))
 
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"], lane="page"),
+    Part("site", lambda _: [PYTHON, "-m", "tests.checking.site"]),
     Part("mypy", lambda _: [PYTHON, "-m", "mypy", "--cache-dir", str(cache_folder("mypy"))]),
     Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found"),
     Part("format", _fixing("ruff", "format", check="--check")),
@@ -108,7 +110,7 @@ PARTS = (
         lane="wide",
     ),
 )
-QUICK = ("page", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
+QUICK = ("page", "site", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
 
 
 def run_part(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
