@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 
 from imuscope.server import wire
 from imuscope.server.generators import files as generated_files
@@ -65,6 +66,12 @@ def test_the_http_api_says_the_release_and_the_wire() -> None:
 
 def test_keys_of_a_fleet_have_the_version_of_its_reports() -> None:
     assert version_in("fleet/model/keys.py", "ROOT").removeprefix("imuscope/") == SAID["reports of robots to a fleet"]
+
+
+def test_the_version_is_that_of_the_project_file() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["version"] == VERSION, "what is installed is of another version: run `uv sync`"
+    assert f"imuscope-{VERSION}-py3" in (ROOT / "README.md").read_text()
 
 
 def test_the_changelog_has_the_release_with_its_date() -> None:
