@@ -107,7 +107,7 @@ def _mcap(encoding: str, schema: bytes, name: str, claimed: int | None = None) -
     channel = writer.register_channel("/imu", "cdr", number)
     for n in range(10):
         writer.add_message(channel, n * 1_000_000, bytes(64), n * 1_000_000)
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     data = out.getvalue()
     if claimed is not None:  # the uncompressed size of the first chunk
         at = data.index(b"\x06", 8) + 9 + 16
