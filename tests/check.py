@@ -39,13 +39,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from tests import chromium  # noqa: E402  (the project's root must be on the path first)
-from tests.cache_folder import cache_folder  # noqa: E402
-from tests.checking import parts, time_table  # noqa: E402
+from tests.checking import parts, time_table  # noqa: E402  (the project's root must be on the path first)
 from tests.checking.affected import affected_tests, changed_files, page_files  # noqa: E402
 from tests.checking.machine import MemoryPeak  # noqa: E402
 from tests.checking.parts import Outcome, Part  # noqa: E402
 from tests.checking.stress import stress  # noqa: E402
+from tests.support import chromium  # noqa: E402
+from tests.support.cache_folder import cache_folder  # noqa: E402
 
 PYTHON = sys.executable
 QUICK_S = 45.0  # seconds of tests in the quick part
