@@ -4,8 +4,8 @@
 converts it to a response, server/cli.py any ExplainedError to one line. A kind is one word for programs, with one
 meaning and one HTTP status.
 
-Programs may act on a kind, so a kind never has two meanings, nor does one error have two kinds. tests/error_catalog.py
-collects all errors in the source and compares them with this table.
+Programs may act on a kind, so a kind never has two meanings, nor does one error have two kinds. The test
+tests/rules/test_errors.py collects all errors in the source and compares them with this table.
 
 To add a kind, add a row; first check that no existing kind means the same.
 """

@@ -50,6 +50,6 @@ def commit(folder: Path = _HERE) -> str:
 
 
 def described() -> str:
-    """Name, version and commit: "imuscope 0.1.0 (abc12345)"."""
+    """Name, version and commit: "imuscope 0.2.0 (abc12345)"."""
     known = commit()
     return f"imuscope {VERSION} ({known})" if known else f"imuscope {VERSION}"

@@ -1,6 +1,7 @@
 """The whole check, in one command: `uv run tests/check.py`.
 
     page     built, when it is stale                       web/build.py
+    site     the documentation, when it is stale           tests/checking/site.py
     style    ruff check, ruff format; biome                Python; TypeScript, CSS
     types    mypy --strict, tsc                            Python, TypeScript
     tests    vitest; pytest: units, server, real browser   TypeScript; Python
@@ -38,13 +39,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from tests import chromium  # noqa: E402  (the project's root must be on the path first)
-from tests.cache_folder import cache_folder  # noqa: E402
-from tests.checking import parts, time_table  # noqa: E402
+from tests.checking import parts, time_table  # noqa: E402  (the project's root must be on the path first)
 from tests.checking.affected import affected_tests, changed_files, page_files  # noqa: E402
 from tests.checking.machine import MemoryPeak  # noqa: E402
 from tests.checking.parts import Outcome, Part  # noqa: E402
 from tests.checking.stress import stress  # noqa: E402
+from tests.support import chromium  # noqa: E402
+from tests.support.cache_folder import cache_folder  # noqa: E402
 
 PYTHON = sys.executable
 QUICK_S = 45.0  # seconds of tests in the quick part
@@ -94,6 +95,7 @@ STAGES = (("page",), ("narrow", "wide"))
 
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"], lane="page"),
+    Part("site", lambda _: [PYTHON, "-m", "tests.checking.site"]),
     Part("mypy", lambda _: [PYTHON, "-m", "mypy", "--cache-dir", str(cache_folder("mypy"))]),
     Part("ruff", _fixing("ruff", "check", fix="--fix"), "Found"),
     Part("format", _fixing("ruff", "format", check="--check")),
@@ -108,7 +110,7 @@ PARTS = (
         lane="wide",
     ),
 )
-QUICK = ("page", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
+QUICK = ("page", "site", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
 
 
 def run_part(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:

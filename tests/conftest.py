@@ -1,6 +1,6 @@
 """Fixtures for every test: hypothesis profiles, captures, the real server, a real browser page.
 
-    links      the links of a server that a test feeds (tests/server/fakes.py)
+    links      the links of a server that a test feeds (tests/support/fakes.py)
     captures   folder of device captures beside the project; the test is skipped, with the reason, where there is none
     serve      starts a server process: serve("sim:xbus") → ServerProcess with .url and .log; all are ended afterwards
     server     one such process with its default simulator, shared by the tests of a module
@@ -35,17 +35,18 @@ from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocke
 
 from imuscope.protocols.native import kernels as compiled
 from imuscope.recordings.system import priority
-from tests import browser_engine, chromium, each_row, fork_server, forked_workers, server_process
 from tests.checking import machine
 from tests.checking.affected import durations
-from tests.chromium import until
-from tests.fork_server import ForkServer
-from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import PATIENCE_S
+from tests.support import browser_engine, chromium, each_row, server_process
+from tests.support.chromium import until
+from tests.support.forking import fork_server, forked_workers
+from tests.support.forking.fork_server import ForkServer
+from tests.support.server_process import ROOT, ServerProcess
+from tests.support.timeouts import PATIENCE_S
 
 if TYPE_CHECKING:
-    from tests.server.fakes import FakeLinks
-    from tests.server.in_process_server import InProcessServer
+    from tests.support.fakes import FakeLinks
+    from tests.support.in_process_server import InProcessServer
 
 ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
@@ -188,7 +189,7 @@ def captures() -> Path:
 @pytest.fixture
 def links() -> FakeLinks:
     """Links of a server in this process, into which a test sends."""
-    from tests.server.fakes import FakeLinks
+    from tests.support.fakes import FakeLinks
 
     return FakeLinks()
 
@@ -197,7 +198,7 @@ def links() -> FakeLinks:
 def running(tmp_path: Path, links: FakeLinks) -> Iterator[InProcessServer]:
     """A server in this process with two devices, into whose links a test sends."""
     from imuscope.server.settings.config import Config
-    from tests.server.in_process_server import InProcessServer
+    from tests.support.in_process_server import InProcessServer
 
     with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links.open) as running:
         yield running

@@ -1,7 +1,7 @@
 """Atomic writes that survive a power cut: a temporary file is synced and renamed, then its folder is synced.
 
 A reader finds the old text or the new one, never a part; when `write_atomic` returns, a power cut leaves the new one.
-No other code in the project replaces one file by another (tests/test_architecture.py).
+No other code in the project replaces one file by another (tests/rules/test_architecture.py).
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ FACTORS: Mapping[str, float] = {**UNITS, "min": 60.0, "h": 3600.0, "d": 86_400.0
 OLDEST = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock that is not set
 RECENT = 6 * 365 * 86400.0  # s before the file was written: most logs are opened sooner
 # Rates, Hz. Where sensors set no limit, they are those with which no table is read in a wrong unit of all that
-# tests/recordings/field/test_time_units.py makes; steps there are up to a fifth longer or shorter than usual.
+# tests/recordings/tables/test_time_units.py makes; steps there are up to a fifth longer or shorter than usual.
 FASTEST = 34_000.0  # 32 kHz, the fastest output of an ICM-42688-P, by an oscillator that is 6 % fast
 FASTEST_FRACTION = 5_000.0  # 4 kHz, steps a fifth shorter: faster loggers write whole numbers
 SLOWEST = 1e-5  # one sample a day, of anything

@@ -7,7 +7,7 @@
 A file can be made to take all memory, to keep a library in one call for ever, or to end the interpreter. The process of
 a call has a limit of memory and of processor time, which the system enforces; a call that does not end in time, or
 whose client leaves, is killed. A function is named, not imported: what reads files is not in the server's process at
-all (tests/server/test_foreign_files.py).
+all (tests/server/library/test_foreign_files.py).
 
 The process that forks starts when the library is looked at, and ends after IDLE_S without a call. An answer is JSON and
 is checked against its type: it may hold what others wrote.

@@ -235,7 +235,7 @@ def open_port(place: str, line: SerialSettings) -> Any:
             timeout=0,
             exclusive=True,
         )
-    except termios.error as error:  # pyserial passes it on, and it is no OSError
+    except termios.error as error:  # pyserial passes it on; it is not an OSError
         raise cannot_open(place, line, OSError(*error.args)) from None
     except (serial.SerialException, OSError, ValueError) as error:
         raise cannot_open(place, line, error) from None

@@ -28,9 +28,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from imuscope.server.wire import HEADER
 from tests.bench.report import options_of, percentile, report
 from tests.bench.serial_device import Feed, must_be_live
-from tests.load_clients import Good
-from tests.processes import seconds_of
-from tests.server_process import ROOT, ServerProcess, tied
+from tests.support.load_clients import Good
+from tests.support.processes import seconds_of
+from tests.support.server_process import ROOT, ServerProcess, tied
 
 SETTLE_S = 3.0
 

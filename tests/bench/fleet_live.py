@@ -29,11 +29,11 @@ import zenoh
 from imuscope.server.extensions.fleet.model.access import RouterSettings
 from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
 from tests.bench.report import options_of, report
-from tests.extensions.fleet.fleet_robot import FleetRobot
-from tests.free_ports import free_port
-from tests.processes import resident_mb, seconds_of
-from tests.server_process import ServerProcess
-from tests.timeouts import get, http_client
+from tests.server.extensions.fleet.fleet_robot import FleetRobot
+from tests.support.free_ports import free_port
+from tests.support.processes import resident_mb, seconds_of
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import get, http_client
 
 PERIOD_S = 1.0
 

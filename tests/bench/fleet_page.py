@@ -2,8 +2,8 @@
 
     python tests/bench/fleet_page.py [--robots 1000] [--seconds 10] [--save]
 
-The robots are those of tests/extensions/fleet/synthetic_fleet.py, through a real server and its route; nearly all of
-them change each second. In headless Chromium with software rendering, at 1440 × 900, each of
+The robots are those of tests/server/extensions/fleet/synthetic_fleet.py, through a real server and its route; nearly
+all of them change each second. In headless Chromium with software rendering, at 1440 × 900, each of
 
     still       nothing but figures that change
     scroll      the list scrolled by half a row with each frame
@@ -33,10 +33,10 @@ import sys
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from tests import chromium
 from tests.bench.report import options_of, report
 from tests.bench.ten_panels import processor_time
-from tests.server_process import ROOT, tied
+from tests.support import chromium
+from tests.support.server_process import ROOT, tied
 
 WIDE, PHONE = (1440, 900), (390, 844)
 FRAMES = """async seconds => {
@@ -111,7 +111,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="length of each measurement")
     options = parser.parse_args()
     path = chromium.required()
-    command = tied([sys.executable, "-m", "tests.extensions.fleet.synthetic_fleet", "--robots", str(options.robots)])
+    command = tied(
+        [sys.executable, "-m", "tests.server.extensions.fleet.synthetic_fleet", "--robots", str(options.robots)]
+    )
     found: dict[str, dict[str, float]] = {}
     with (
         subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as server,

@@ -47,7 +47,7 @@ from imuscope.server.extensions.fleet.store.store import location
 from imuscope.server.extensions.fleet.store.tables import DEVICES, MINUTES, RECORDINGS, StoreTable
 from imuscope.server.extensions.fleet.upload.upload import upload
 from tests.bench.report import options_of, report
-from tests.server_process import ROOT
+from tests.support.server_process import ROOT
 
 DAYS, MONTH = 365, 31
 START = dt.date(2025, 1, 1)

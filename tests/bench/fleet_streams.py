@@ -31,10 +31,10 @@ from imuscope.server.extensions.fleet.tunnel.http_tunnel_robot import PageServer
 from imuscope.server.wire import HEADER, OPCODE_SAMPLES, SUBPROTOCOL
 from tests.bench.fanout import FanoutReader, bare, cancel, figures_of
 from tests.bench.report import options_of, report
-from tests.extensions.fleet.fleet_robot import FleetRobot
-from tests.free_ports import free_port
-from tests.server_process import ServerProcess
-from tests.timeouts import get
+from tests.server.extensions.fleet.fleet_robot import FleetRobot
+from tests.support.free_ports import free_port
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import get
 
 FRAMES_PER_S = 60  # of a server
 SAMPLE_BYTES = 128  # of ten values with their times, as tests/bench/fanout.py finds

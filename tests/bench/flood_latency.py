@@ -13,8 +13,8 @@ import time
 
 from imuscope.recordings.mcap.reader import LENGTH, TIME, McapReader
 from tests.fault_injection.beside import Watched
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 WITHIN_S = 1.0
 EVERY_S, WORK_S = 0.05, 0.004

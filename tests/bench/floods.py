@@ -24,7 +24,7 @@ from tests.bench.flood_latency import WITHIN_S, FloodLatency, lateness_s
 from tests.bench.report import options_of, report
 from tests.fault_injection.beside import Watched, watched
 from tests.fault_injection.floods import FLOODS
-from tests.processes import resident_mb
+from tests.support.processes import resident_mb
 
 
 def lasting(seconds: float) -> Callable[[], bool]:

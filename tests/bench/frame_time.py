@@ -20,9 +20,9 @@ from collections.abc import Iterator
 
 from playwright.sync_api import sync_playwright
 
-from tests import chromium
 from tests.bench.report import options_of, report
-from tests.server_process import ROOT
+from tests.support import chromium
+from tests.support.server_process import ROOT
 
 YARDSTICK = """async () => {
   const [charts, series, points, frames] = [6, 3, 100_000, 40];

@@ -29,10 +29,10 @@ from typing import Any
 
 from playwright.sync_api import Browser, Worker, sync_playwright
 
-from tests import chromium
 from tests.bench import serial_device as feeding
 from tests.bench.report import options_of, percentile, report
-from tests.server_process import ROOT, ServerProcess, tied
+from tests.support import chromium
+from tests.support.server_process import ROOT, ServerProcess, tied
 
 SETTLE_S = 4.0
 

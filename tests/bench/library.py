@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import imuscope
 from tests.bench.report import options_of, report
-from tests.recordings.readers.bags import imu
+from tests.recordings.readers.formats.bags import imu
 
 RATE_HZ = 1000
 START_NS = 1_700_000_000_000_000_000

@@ -33,12 +33,12 @@ from typing import Any
 import httpx
 
 from imuscope.recordings.mcap.writer import McapWriter
-from tests import load_clients
 from tests.bench.memory import Memory
 from tests.bench.report import options_of, percentile, report, status_of
 from tests.bench.serial_devices import Speakers, frames, heard_in, is_whole, numbered
-from tests.processes import seconds_of
-from tests.server_process import ServerProcess
+from tests.support import load_clients
+from tests.support.processes import seconds_of
+from tests.support.server_process import ServerProcess
 
 EARLIER, EARLIER_S = "20260101T000000Z-earlier", 60  # the recording that is exported
 SETTLE_S = 8.0

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.processes import resident_mb
+from tests.support.processes import resident_mb
 
 EVERY_S = 5.0
 MAX_KEPT = 240  # points of a curve that is kept

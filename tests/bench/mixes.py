@@ -19,7 +19,7 @@ from imuscope.protocols.isb.dataset_loader import SETS
 from tests.bench import idtp_mixed, isb_mixed
 from tests.bench.decode import measure
 from tests.bench.report import options_of, report
-from tests.server_process import ROOT
+from tests.support.server_process import ROOT
 
 CAPTURE = ROOT.parent / "shared" / "captures" / "xbus" / "mti_100hz_49s.bin"
 GOALS = {"isb-sizes": 0.30, "isb": 0.30, "idtp": 0.25, "xbus-capture": 0.30}

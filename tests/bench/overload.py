@@ -28,8 +28,8 @@ from typing import Any
 from tests.bench.load import Api
 from tests.bench.report import options_of, percentile, report, status_of
 from tests.bench.serial_devices import Speakers, heard_in, is_whole
-from tests.load_clients import Good
-from tests.server_process import ServerProcess
+from tests.support.load_clients import Good
+from tests.support.server_process import ServerProcess
 
 BEFORE_S, AFTER_S = 10.0, 20.0
 TOLD_S, LATE_S = 0.5, 1.0

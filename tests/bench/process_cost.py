@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.checking.machine import descendants, memory_of
-from tests.processes import TICKS_PER_S, stat_of
+from tests.support.processes import TICKS_PER_S, stat_of
 
 PROC = Path("/proc")
 

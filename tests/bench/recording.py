@@ -25,9 +25,9 @@ from pathlib import Path
 from tests.bench import serial_device as feeding
 from tests.bench.report import options_of, report
 from tests.bench.tcp_device import TcpDevice
-from tests.processes import seconds_of
-from tests.server.recorder_harness import chunks, flowing, recorded
-from tests.server_process import ServerProcess
+from tests.support.processes import seconds_of
+from tests.support.recorder_harness import chunks, flowing, recorded
+from tests.support.server_process import ServerProcess
 
 SETTLE_S = 3.0
 PAUSE_S = 0.5

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import sys
 
-from tests.load_clients import Good
+from tests.support.load_clients import Good
 
 
 async def main() -> None:

@@ -31,11 +31,11 @@ from typing import Any
 
 from playwright.sync_api import CDPSession, Page, sync_playwright
 
-from tests import chromium
 from tests.bench.opening import make
 from tests.bench.report import options_of, percentile, report
-from tests.processes import seconds_of
-from tests.server_process import ServerProcess
+from tests.support import chromium
+from tests.support.processes import seconds_of
+from tests.support.server_process import ServerProcess
 
 NAME = "hour"
 

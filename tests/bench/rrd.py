@@ -69,8 +69,8 @@ def fill(folder: Path) -> dict[str, float]:
     from PIL import Image
     from playwright.sync_api import sync_playwright
 
-    from tests import chromium
-    from tests.server_process import ServerProcess
+    from tests.support import chromium
+    from tests.support.server_process import ServerProcess
 
     with ServerProcess("udp://:0", data=folder, timeout_s=120) as server, sync_playwright() as playwright:
         urllib.request.urlopen(f"{server.url}/rerun/re_viewer.js", timeout=120).read()

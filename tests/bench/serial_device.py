@@ -27,7 +27,7 @@ import tty
 import urllib.request
 from typing import Self
 
-from tests.server_process import ROOT, tied
+from tests.support.server_process import ROOT, tied
 
 ITEMS = struct.Struct(">HBHHBIHB4fHB3fHB3f")
 TICKS_PER_S = 10_000  # of SampleTimeFine

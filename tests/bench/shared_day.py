@@ -33,9 +33,9 @@ from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from tests.bench.report import options_of, report
 from tests.bench.shared_port import Terminal
-from tests.free_ports import free_port
-from tests.processes import resident_mb, seconds_of
-from tests.server_process import ROOT
+from tests.support.free_ports import free_port
+from tests.support.processes import resident_mb, seconds_of
+from tests.support.server_process import ROOT
 
 FRAME = struct.Struct("<IQ48x")  # a mark, and a number
 MARK = 0x5AA5C33C

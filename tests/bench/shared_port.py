@@ -38,8 +38,8 @@ from imuscope.server.extensions.shares.holder.settings import MODULE, HolderSett
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from imuscope.server.extensions.shares.relay_kernel import place
 from tests.bench.report import options_of, report
-from tests.processes import resident_mb, seconds_of
-from tests.server_process import ROOT
+from tests.support.processes import resident_mb, seconds_of
+from tests.support.server_process import ROOT
 
 SIZE = 60  # bytes of a frame
 STAMP = struct.Struct("<q")

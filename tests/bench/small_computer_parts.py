@@ -17,7 +17,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests import load_clients
 from tests.bench.fanout import bare
 from tests.bench.load import Api
 from tests.bench.overload import Page
@@ -25,7 +24,8 @@ from tests.bench.process_cost import measured, memory_mb
 from tests.bench.serial_devices import Speakers, heard_in, is_whole
 from tests.bench.shared_port import held, relayed
 from tests.bench.start import importing
-from tests.server_process import ServerProcess
+from tests.support import load_clients
+from tests.support.server_process import ServerProcess
 
 ROOT = Path(__file__).resolve().parents[2]
 SETTLE_S = 3.0  # after the first samples: detection, the device's identity, the first recording tick

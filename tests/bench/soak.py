@@ -32,13 +32,13 @@ from typing import Any
 
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from imuscope.server.settings.config import Config
-from tests import load_clients
 from tests.bench.memory import curve
 from tests.bench.report import options_of, report, status_of
 from tests.bench.serial_devices import frames, numbered
 from tests.checking.machine import descendants
-from tests.processes import resident_mb, seconds_of
-from tests.server_process import ROOT, tied
+from tests.support import load_clients
+from tests.support.processes import resident_mb, seconds_of
+from tests.support.server_process import ROOT, tied
 
 RATE = 2000
 CHUNKS_PER_S = 50  # 20 ms each: what a USB adapter with its timer as delivered makes of a stream
@@ -205,7 +205,7 @@ async def server_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -
 async def page_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -> dict[str, Any]:
     from playwright.async_api import async_playwright
 
-    from tests import chromium
+    from tests.support import chromium
 
     path = chromium.required()
     rss: list[tuple[float, float]] = []

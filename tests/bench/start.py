@@ -21,9 +21,9 @@ from typing import Any
 
 from playwright.sync_api import Browser, sync_playwright
 
-from tests import chromium
 from tests.bench.report import options_of, report
-from tests.server_process import ServerProcess
+from tests.support import chromium
+from tests.support.server_process import ServerProcess
 
 USABLE = "window.imuscope?.store.channels.value.some(channel => channel.ring.length > 10)"
 

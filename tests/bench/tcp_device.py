@@ -15,7 +15,7 @@ import threading
 import time
 
 from tests.bench.serial_device import frame
-from tests.timeouts import PATIENCE_S
+from tests.support.timeouts import PATIENCE_S
 
 
 class TcpDevice:

@@ -26,10 +26,10 @@ from urllib.parse import quote
 
 from playwright.sync_api import Page, sync_playwright
 
-from tests import chromium
 from tests.bench.opening import make
 from tests.bench.report import options_of, report
-from tests.server_process import ServerProcess
+from tests.support import chromium
+from tests.support.server_process import ServerProcess
 
 PANELS = ("xy", "histogram", "spectrum", "notes")
 LAYOUT = {"layout": {"panels": {name: {"shown": True} for name in PANELS}}}

@@ -5,9 +5,9 @@
     feed (2 kHz, pty) ──> server ──pipe──> viser's process ──loopback──> server ──> viewers
 
 Shares of one core, from /proc: of viser's process, and of the server beyond what it takes with nobody looking. A viewer
-here takes what a browser would and draws nothing (tests/viser_client.py); it is another process's time. Beside them how
-many orientations of the body each viewer got a second, and the yardstick: the share that the same feed costs the server
-with nobody looking.
+here takes what a browser would and draws nothing (tests/server/extensions/viser/viser_client.py); it is another
+process's time. Beside them how many orientations of the body each viewer got a second, and the yardstick: the share
+that the same feed costs the server with nobody looking.
 
 Budget (issue "Rerun and viser"): `core`, both together, at most 10 % of a core at 60 Hz with one viewer.
 """
@@ -27,10 +27,10 @@ import httpx
 
 from tests.bench import serial_device as feeding
 from tests.bench.report import options_of, percentile, report
-from tests.forked_workers import workers_of
-from tests.processes import seconds_of
-from tests.server_process import ServerProcess
-from tests.viser_client import looking, turns
+from tests.server.extensions.viser.viser_client import looking, turns
+from tests.support.forking.forked_workers import workers_of
+from tests.support.processes import seconds_of
+from tests.support.server_process import ServerProcess
 
 RATE = 2000.0
 SETTLE_S = 3.0

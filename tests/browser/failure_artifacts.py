@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Error
 
-from tests import browser_engine, server_process
 from tests.conftest import ARTIFACTS
+from tests.support import browser_engine, server_process
 
 FOLDER = ARTIFACTS / "failures"
 

@@ -27,14 +27,14 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.store.store import location
 from imuscope.server.extensions.fleet.upload.upload import upload
-from tests import chromium
 from tests.browser.page_checks import click
-from tests.chromium import until
 from tests.conftest import READY
-from tests.extensions.fleet.synthetic_fleet import SyntheticFleet
 from tests.recordings.recorded_drive import drive
-from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import PATIENCE_S
+from tests.server.extensions.fleet.synthetic_fleet import SyntheticFleet
+from tests.support import chromium
+from tests.support.chromium import until
+from tests.support.server_process import ROOT, ServerProcess
+from tests.support.timeouts import PATIENCE_S
 
 FOLDER = ROOT / "docs" / "guide" / "images"
 WIDE, PHONE = (1440, 900), (390, 844)

@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 from playwright.sync_api import Locator, Page
 
-from tests.chromium import until
 from tests.conftest import READY
-from tests.server_process import ROOT, ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ROOT, ServerProcess
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 DESKTOP, PHONE = (1440, 900), (390, 844)

@@ -28,10 +28,10 @@ from urllib.parse import parse_qs, urlsplit
 from playwright.sync_api import Page
 
 from imuscope.server.api.static_files import HEADERS
-from tests.chromium import until
 from tests.conftest import READY
-from tests.record_wire import recorded
-from tests.server_process import ROOT
+from tests.support.chromium import until
+from tests.support.server_process import ROOT
+from tests.web.record_wire import recorded
 
 PAGE = ROOT / "server" / "page"
 KEEP_S = 0.5

@@ -2,7 +2,7 @@
 
 What the form sends, marks and deletes, and what the list says, is tested without a browser, in
 web/src/extensions/alarms/dialog.test.tsx and panel.test.tsx; that a condition raises an alarm, in
-tests/extensions/alarms/test_alarms.py.
+tests/server/extensions/alarms/test_alarms.py.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, fits, serious, small_targets
 from tests.browser.stories import Story
-from tests.chromium import until
+from tests.support.chromium import until
 
 PLACE = "document.querySelector('dialog[open]')"
 LIST = "(document.querySelector('.alarm-list')?.innerText ?? '')"

@@ -13,7 +13,7 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, fits, press, serious, show, small_targets
 from tests.browser.stories import Story
-from tests.chromium import until
+from tests.support.chromium import until
 
 PLACE = "document.querySelector('dialog[open]')"
 CURVES = "document.querySelectorAll('dialog[open] path.trace').length"

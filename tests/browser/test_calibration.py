@@ -2,7 +2,7 @@
 
 Slow, as a hand is. How the coach looks is tested in test_dialogs_story.py, what it says and sends in
 web/src/extensions/calibration/dialog.test.tsx, and what is found and written to a device in
-tests/extensions/calibration/test_calibration_api.py.
+tests/server/extensions/calibration/test_calibration_api.py.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from playwright.sync_api import Page
 
 from imuscope.protocols.simulator.setups import HARD_IRON
 from tests.browser.page_checks import PHONE, opened, serious
-from tests.chromium import until
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 PLACE = "document.querySelector('dialog[open]')"
 WORDS = f"{PLACE}?.innerText"

@@ -18,9 +18,9 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import drawn
-from tests.chromium import until
-from tests.server_process import ServerProcess
-from tests.waiting import block_until
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
+from tests.support.waiting import block_until
 
 TIMES = (0.1, 0.3, 0.5, 0.7, 0.9)  # as a share of the capture
 

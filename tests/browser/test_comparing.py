@@ -12,8 +12,8 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, click, fits, serious, small_targets
 from tests.browser.test_recordings import opened, recorded
-from tests.chromium import until
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 __all__ = ["recorded"]  # a fixture
 

@@ -1,7 +1,7 @@
 """The Configure page with a real server and simulator: a rate is changed and seen in the plot, and a profile goes back.
 
 What the page shows, asks and sends is tested without a browser, in web/src/pages/configure/page.test.tsx and
-writing.test.tsx; what becomes of it on the device, in tests/server (test_configure, test_rollback, test_stale_forms).
+writing.test.tsx; what becomes of it on the device, in tests/server/configuration.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import click
 from tests.browser.test_pictures import SIZES, picture
-from tests.chromium import until
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 Serve = Callable[..., ServerProcess]
 OpenPage = Callable[..., Page]

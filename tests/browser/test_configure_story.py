@@ -8,7 +8,7 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, WATCH, click, drawn, fits, go_to, press, serious, small_targets
 from tests.browser.stories import Story
-from tests.chromium import until
+from tests.support.chromium import until
 
 ACCELERATION = 'tr[data-id="0x4020"]'
 PLACES = ("Output%20configuration", "Frame%20and%20mounting", "PortConfig", "SetSyncSettings", "compare", "restore")

@@ -2,7 +2,7 @@
 
 The calibration coach at each of its states, and the shares of a port. What they say and send is tested in
 web/src/extensions/calibration/dialog.test.tsx and web/src/extensions/shares/dialog.test.tsx; what the server does, in
-tests/extensions/calibration/test_calibration_api.py and test_port_shares.py.
+tests/server/extensions/calibration/test_calibration_api.py and test_port_shares.py.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from imuscope.server.extensions.calibration.report import CalibrationReport
 from imuscope.server.extensions.calibration.routes import AvailableCalibration, CalibrationState
 from tests.browser.page_checks import PHONE, click, fits, press, serious, small_targets
 from tests.browser.stories import Story
-from tests.chromium import until
+from tests.support.chromium import until
 
 DIALOG = "document.querySelector('dialog[open]')"
 SEEN = "document.querySelectorAll('.calibration-halves .seen').length"

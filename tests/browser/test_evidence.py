@@ -1,7 +1,7 @@
 """Evidence in a real browser: made from a recording, opened from disk without a network, measured, also on a phone.
 
 What is asked of the server, also from Live, is tested without a browser, in web/src/pages/dialogs.test.tsx; what is in
-a file, in tests/extensions/evidence/test_evidence.py.
+a file, in tests/server/extensions/evidence/test_evidence.py.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, SILENT, click, press, serious
 from tests.browser.test_recordings import opened
-from tests.chromium import until
-from tests.extensions.evidence.evidence_harness import content_in
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
-from tests.wire_scenes import yard_loop
+from tests.server.extensions.evidence.evidence_harness import content_in
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S
+from tests.web.wire_scenes import yard_loop
 
 MADE = "document.querySelector('dialog .jobs a') !== null"
 CHIP = "[...document.querySelectorAll('.chip')].find(chip => chip.textContent.startsWith(NAME))?.textContent"

@@ -1,7 +1,7 @@
 """The page of an Inertial Sense device, from recorded frames: its track with and without a map, and room for all of it.
 
 What needs no browser (attitude, satellites, position, marks of trust, keys, vendor payloads) is tested in
-web/src/pages/live.test.tsx and dialogs.test.tsx; the server's tiles in tests/server/test_map.py.
+web/src/pages/live.test.tsx and dialogs.test.tsx; the server's tiles in tests/server/integrations/test_map_tiles.py.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, drawn, fits, press, serious, show, small_targets
 from tests.browser.stories import Story
-from tests.chromium import until
+from tests.support.chromium import until
 
 TRACK = "document.querySelector('[data-panel=track]')"
 SUMMARY = f"{TRACK}?.querySelector('.track-summary')?.innerText ?? ''"

@@ -12,7 +12,7 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, drawn, fits, serious, small_targets
 from tests.browser.stories import Story
-from tests.chromium import until
+from tests.support.chromium import until
 
 SHOWN = {"idtp": "[data-numeral]", "secure": "[data-key=wanted]"}
 

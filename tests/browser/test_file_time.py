@@ -9,9 +9,9 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import SILENT, drawn, fits, press, serious, show, small_targets
-from tests.chromium import until
 from tests.recordings.recorded_drive import drive
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 ROWS = 200
 OPEN = "time,gyr_x (rad/s),gyr_y (rad/s),gyr_z (rad/s),temp\n" + "".join(

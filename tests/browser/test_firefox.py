@@ -17,11 +17,11 @@ import pytest
 from websockets.sync.client import ClientConnection, connect
 
 from tests.conftest import READY
-from tests.free_ports import free_port
 from tests.recordings.recorded_drive import drive
-from tests.server_process import ServerProcess, tied
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.support.free_ports import free_port
+from tests.support.server_process import ServerProcess, tied
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 FIREFOX = shutil.which("firefox-esr") or shutil.which("firefox") or ""
 

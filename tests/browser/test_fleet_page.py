@@ -11,9 +11,9 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, click, fits, press, serious, small_targets
-from tests.chromium import until
-from tests.extensions.fleet.synthetic_fleet import SyntheticFleet
-from tests.waiting import block_until
+from tests.server.extensions.fleet.synthetic_fleet import SyntheticFleet
+from tests.support.chromium import until
+from tests.support.waiting import block_until
 
 ROWS = "[...document.querySelectorAll('.fleet-row')]"
 NAMES = f"{ROWS}.sort((a, b) => a.ariaRowIndex - b.ariaRowIndex).map(row => row.querySelector('a')?.textContent)"

@@ -16,10 +16,10 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import Browser, Page
 
-from tests.chromium import REBOUND
-from tests.server_process import ServerProcess
-from tests.timeouts import get
-from tests.waiting import block_until
+from tests.support.chromium import REBOUND
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import get
+from tests.support.waiting import block_until
 
 ATTACK = """async ([target, socketTarget, device]) => {
   const seen = {};

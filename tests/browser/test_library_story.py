@@ -11,8 +11,8 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, fits, go_to, serious, show, small_targets
 from tests.browser.stories import Story
-from tests.chromium import until
-from tests.record_wire import recorded
+from tests.support.chromium import until
+from tests.web.record_wire import recorded
 
 DRAWN = """window.imuscopeReplay?.drawn.channels.value.some(channel => channel.ring.length > 20)
     && window.imuscopeReplay.near.channels.value.some(channel => channel.ring.length > 20)"""

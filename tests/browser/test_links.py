@@ -16,9 +16,9 @@ from pathlib import Path
 from playwright.sync_api import Page
 
 from tests.bench.serial_device import frame
-from tests.chromium import until
-from tests.server_process import ServerProcess
-from tests.waiting import block_until
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
+from tests.support.waiting import block_until
 
 BURST, ENOUGH = 4, 50  # samples
 COUNT = """device => { const c = window.imuscope?.store.channels.value.find(c => c.info.device === device

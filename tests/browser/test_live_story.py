@@ -14,7 +14,7 @@ from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, fits, go_to, serious, small_targets
 from tests.browser.stories import Story
-from tests.chromium import until
+from tests.support.chromium import until
 
 SHOWN = (
     "document.querySelector('[data-numeral]') !== null && document.querySelectorAll('.lane-names button').length > 2"

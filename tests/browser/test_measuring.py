@@ -18,8 +18,8 @@ from tests.browser.page_checks import click, press, serious, show
 from tests.browser.test_panels import ABOUT, BYTES, COUNTED, HISTOGRAM, INK, OUTLINES, XY
 from tests.browser.test_panels import MEASURED as PANEL
 from tests.browser.test_recordings import opened, recorded
-from tests.chromium import until
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 __all__ = ["recorded"]  # a fixture
 

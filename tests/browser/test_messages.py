@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 from playwright.sync_api import Page, expect
 
-from tests.chromium import until
-from tests.free_ports import free_port
-from tests.links import rosbags_messages as ros
-from tests.links.message_sources import sdk_server, sending
-from tests.server_process import ServerProcess
-from tests.timeouts import get
+from tests.server.links import rosbags_messages as ros
+from tests.server.links.message_sources import sdk_server, sending
+from tests.support.chromium import until
+from tests.support.free_ports import free_port
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import get
 
 LENGTH = """() => { const c = window.imuscope?.store.channels.value.find(c => c.info.title === "angular_velocity");
                     return c && c.ring.length > 50; }"""

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import BOXES, PHONE, WATCH, drawn, opened
-from tests.chromium import until
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 HEARTBEATS = "window.imuscope.store.health.value.get('1')?.time ?? 0"
 

@@ -27,7 +27,7 @@ from tests.browser.page_checks import (
     small_targets,
 )
 from tests.browser.stories import Answer, Story
-from tests.chromium import until
+from tests.support.chromium import until
 
 XY, HISTOGRAM = (f"document.querySelector('[data-panel={name}]')" for name in ("xy", "histogram"))
 ABOUT = f"{XY}?.querySelector('.xy-foot')?.innerText"

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page
 
-from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 SIZES = {"1440": (1440, 900), "phone": (390, 844)}
 

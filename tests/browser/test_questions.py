@@ -15,9 +15,9 @@ from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.store.store import location
 from imuscope.server.extensions.fleet.upload.upload import upload
 from tests.browser.page_checks import PHONE, SILENT, click, fits, serious, small_targets
-from tests.chromium import until
 from tests.recordings.recorded_drive import drive
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 WHERE = "WHERE quantity = 'acceleration' AND axis <> 'norm'"
 SQL = f"SELECT recording, minute, signal, mean FROM minutes {WHERE} ORDER BY mean"

@@ -18,10 +18,10 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, SILENT, click, press, show
-from tests.chromium import until
 from tests.conftest import READY
-from tests.server_process import ServerProcess
-from tests.wire_scenes import RATE, yard_loop
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
+from tests.web.wire_scenes import RATE, yard_loop
 
 OPEN = "window.imuscopeReplay !== undefined"
 DRAWN = """window.imuscopeReplay?.drawn.channels.value.some(channel => channel.ring.length > 20)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, SILENT
-from tests.server_process import ServerProcess
+from tests.support.server_process import ServerProcess
 
 PLAIN = "getComputedStyle(document.body).backgroundColor === 'rgba(0, 0, 0, 0)'"
 SIDEWAYS = "document.documentElement.scrollWidth > document.documentElement.clientWidth"

@@ -21,12 +21,12 @@ from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.extensions.rerun.rrd.size_limit import limit_for
 from tests.browser.page_checks import SILENT
-from tests.chromium import until
 from tests.conftest import ARTIFACTS
 from tests.recordings.recorded_drive import START, drive
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, get
-from tests.waiting import block_until
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S, get
+from tests.support.waiting import block_until
 
 BODY_VIEW = (0, 40, 440, 250)  # of a window of 900 × 600: left, top, right, bottom
 
@@ -101,7 +101,7 @@ def test_a_recording_opens_in_the_viewer(running: ServerProcess, open_page: Call
     assert chatter == []
 
 
-@pytest.mark.slow  # tests/recordings/test_rrd.py reads the attitude from the viewer's input
+@pytest.mark.slow  # tests/server/extensions/rerun/test_rrd.py reads the attitude from the viewer's input
 def test_the_body_turns(running: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
     first = seen(page)
@@ -140,7 +140,7 @@ def test_a_long_recording_reports_the_shown_part(running: ServerProcess, open_pa
     assert "Map: © Someone" in page.locator("#foot").inner_text()
 
 
-@pytest.mark.slow  # tests/extensions/rerun/test_rerun.py streams to a viewer that only reads
+@pytest.mark.slow  # tests/server/extensions/rerun/test_rerun.py streams to a viewer that only reads
 def test_live_data_is_shown_with_its_lag(data: Path, open_page: Callable[..., Page]) -> None:
     with ServerProcess("sim:xbus", data=data) as server:
         page = open_page(f"{server.url}/rerun/?live&theme=dark", width=900, height=600)

@@ -8,8 +8,8 @@ from pathlib import Path
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import click, serious
-from tests.chromium import until
-from tests.extensions.fleet.robot_with_pages import CONTROL, fleet_of
+from tests.server.extensions.fleet.robot_with_pages import CONTROL, fleet_of
+from tests.support.chromium import until
 
 ROW = "document.querySelector('.fleet-row')"
 

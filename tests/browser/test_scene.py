@@ -16,13 +16,14 @@ from PIL import Image
 from playwright.sync_api import Browser, Page
 
 from imuscope.protocols.rotations import of_euler
-from tests import chromium, conftest
+from tests import conftest
 from tests.browser.page_checks import click
-from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.support import chromium
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 # A part of viser that nothing here uses (it sorts Gaussian splats) compiles text, which the policy forbids.
 FORBIDDEN = "Evaluating a string as JavaScript violates"
@@ -124,7 +125,7 @@ def settled(page: Page) -> NDArray[np.int16]:
     return seen[-1]
 
 
-@pytest.mark.slow  # tests/extensions/viser/test_viser.py turns a device and reads the scene's messages
+@pytest.mark.slow  # tests/server/extensions/viser/test_viser.py turns a device and reads the scene's messages
 def test_the_body_on_screen_turns_with_the_device(
     serve: Callable[..., ServerProcess], line: PathLine, open_scene: Callable[[str], Page]
 ) -> None:

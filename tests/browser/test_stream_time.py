@@ -9,9 +9,9 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, fits, press, serious, show, small_targets
-from tests.chromium import until
 from tests.recordings.recorded_drive import drive
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 BURSTY = "sim:xbus?rate=400&burst_ms=16&packet=0&drop=0.01"
 DIALOG = "document.querySelector('dialog[open] .file-time')"

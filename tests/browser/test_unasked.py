@@ -16,9 +16,9 @@ from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
 from tests.browser.page_checks import drawn, go_to, opened, press
-from tests.chromium import until
 from tests.fault_injection.busy_page import ListeningDevice, heard_by
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 DEVICES = """change => { const {store} = window.imuscope;
   const devices = store.devices.value.map(one => ({...one, ...change}));

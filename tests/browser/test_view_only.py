@@ -10,11 +10,11 @@ from typing import Any
 from playwright.sync_api import Browser, Page, Response
 
 from tests.browser.page_checks import DESKTOP, go_to
-from tests.chromium import SLOW_SCREEN, until
 from tests.conftest import READY
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.support.chromium import SLOW_SCREEN, until
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 VIEW = "v" * 20
 

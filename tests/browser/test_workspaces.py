@@ -11,8 +11,8 @@ from pathlib import Path
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, click, opened, reload, serious
-from tests.chromium import until
-from tests.server_process import ServerProcess
+from tests.support.chromium import until
+from tests.support.server_process import ServerProcess
 
 SOURCE = "sim:xbus?product=MTi-630&rate=20&seed=1"
 PANELS = "[...document.querySelectorAll('[data-panel]')].map(one => one.dataset.panel).join(' ')"

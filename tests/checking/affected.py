@@ -14,14 +14,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.cache_folder import cache_folder
-from tests.source_files import PACKAGE, ROOT, python_files, text_of
+from tests.support.cache_folder import cache_folder
+from tests.support.source_files import PACKAGE, ROOT, python_files, text_of
 
 SOURCES = ("protocols", "recordings", "server", "tests")
-RULES = ("tests/test_english.py", "tests/test_architecture.py", "tests/test_page_state.py")
+RULES = ("tests/rules/test_english.py", "tests/rules/test_architecture.py", "tests/rules/test_page_state.py")
 """Tests that read all sources, so that no import leads to them; they take ten seconds, and are always run."""
 UNKNOWN_S = 2.0  # a file of tests that was never timed
-NOT_RUN = ("bench", "browser", "interop", "plugin_family")  # folders of tests/ without tests, or with slow ones
+NOT_RUN = ("bench", "browser", "interop")  # folders of tests/ without tests, or with slow ones
 
 _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) )?import (\([^)]*\)|[^\n(]*)", re.M)
 

@@ -27,7 +27,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from tests import fork_server
+from tests.support.forking import fork_server
 
 BROWSERS = 2
 Group = list[pytest.Item]

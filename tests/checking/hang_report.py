@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from tests import each_row
 from tests.checking import machine
+from tests.support import each_row
 
 LONG_S = 50.0
 MOST_REPORTS = 12  # until the process ends

@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.source_files import ROOT
+from tests.support.source_files import ROOT
 
 SILENT_S = 300.0  # a part that prints nothing for so long hangs; a test that hangs is reported (hang_report.py)
 

@@ -22,8 +22,8 @@ from typing import IO, Any
 
 import pytest
 
-from tests import server_process
 from tests.checking.machine import descendants, name_of, processor_seconds
+from tests.support import server_process
 
 
 class TimeProfile:

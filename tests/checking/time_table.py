@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.source_files import ROOT
+from tests.support.source_files import ROOT
 
 BEGIN, END = "<!-- time table: tests/check.py --profile -->", "<!-- end of the time table -->"
 LONGEST = 8  # files of tests that are named
@@ -65,10 +65,11 @@ class Profile:
         return found
 
     def folders(self) -> dict[str, Spent]:
-        """Sums by folder, the most processor time first."""
+        """Sums by folder of tests/, and by extension, the most processor time first."""
         sums: dict[str, Spent] = defaultdict(Spent)
         for name, spent in self.files.items():
-            one = sums[str(Path(name).parent)]
+            parts = Path(name).parent.parts
+            one = sums["/".join(parts[: 4 if parts[2:3] == ("extensions",) else 2]) or "."]
             for key, value in vars(spent).items():
                 setattr(one, key, getattr(one, key) + value)
         return dict(sorted(sums.items(), key=lambda item: -item[1].processor))

@@ -17,11 +17,11 @@ from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.floods import RECORDING, Place
 from tests.fault_injection.recorded_files import recording
-from tests.processes import seconds_of
-from tests.server.recorder_harness import chunks
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, http_client
-from tests.waiting import block_until
+from tests.support.processes import seconds_of
+from tests.support.recorder_harness import chunks
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S, http_client
+from tests.support.waiting import block_until
 
 RATE = 200.0  # of the other device, frames/s
 FRAMES = 10_000  # of the longer recording

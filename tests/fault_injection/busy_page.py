@@ -9,8 +9,8 @@ from websockets.typing import Subprotocol
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.server.links.simulator import SimulatorThread
 from imuscope.server.wire import SUBPROTOCOL
-from tests.server_process import ServerProcess
-from tests.timeouts import connect, http_client
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import connect, http_client
 
 
 class ListeningDevice(XbusSimulator):

@@ -23,12 +23,12 @@ from imuscope.server.wire import codec as wire_codec
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, recording
-from tests.processes import is_running
-from tests.server.recorder_harness import chunks
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, connect, http_client
-from tests.viser_client import CAMERA, subprotocol
-from tests.waiting import block_until
+from tests.server.extensions.viser.viser_client import CAMERA, subprotocol
+from tests.support.processes import is_running
+from tests.support.recorder_harness import chunks
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S, connect, http_client
+from tests.support.waiting import block_until
 
 SOURCES = ("sim:xbus?rate=20", "sim:isb?rate=10", "sim:idtp?rate=10")
 

@@ -36,8 +36,8 @@ from imuscope.recordings.mcap.reader import CHUNK, LARGEST_CHUNK
 from imuscope.recordings.mcap.records import MAGIC
 from imuscope.server import wire
 from tests.bench.serial_device import frame
-from tests.timeouts import PATIENCE_S, connect, http_client
-from tests.waiting import block_until
+from tests.support.timeouts import PATIENCE_S, connect, http_client
+from tests.support.waiting import block_until
 
 DATAGRAMS = 1400, 60_000  # bytes, in turn
 PIECE = 1 << 20  # bytes sent over TCP

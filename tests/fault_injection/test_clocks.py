@@ -4,7 +4,8 @@
     the device's clock jumps      one event with its size; no sample is lost, none is shown before the one before it
     this host's clock is set back one event with its size; recorded and shown times go on as if nothing had been
 
-(Where times are mapped to: tests/protocols/test_counters.py. Resets, turns of a loop: tests/server/test_session.py.)
+(Where times are mapped to: tests/protocols/clocks/test_counters.py. Resets, turns of a loop:
+tests/server/devices/link/test_session.py.)
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ import numpy as np
 from imuscope.recordings.mcap.reader import TIME, McapReader
 from imuscope.server.settings.config import Config
 from tests.bench.serial_device import frame
-from tests.each_row import each_row
 from tests.fault_injection.fault_harness import stage
-from tests.links.link_fixtures import pty
-from tests.server.fakes import FakeLinks, sample
-from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import send, settled
-from tests.waiting import block_until, until
+from tests.server.links.link_fixtures import pty
+from tests.support.each_row import each_row
+from tests.support.fakes import FakeLinks, sample
+from tests.support.in_process_server import InProcessServer
+from tests.support.recorder_harness import send, settled
+from tests.support.waiting import block_until, until
 
 
 async def test_the_devices_clock_jumps() -> None:

@@ -6,8 +6,8 @@
     two people command at once              one after the other, in the order in which they came; both are told
     browser gone in the middle of an upload nothing is left of it
 
-(Turns in a queue: tests/server/test_control.py, tests/server/test_configure.py. A trial that nobody keeps because the
-browser is gone: tests/browser/test_configure.py.)
+(Turns in a queue: tests/server/configuration/test_device_controller.py, tests/server/api/test_configure.py. A trial
+that nobody keeps because the browser is gone: tests/browser/test_configure.py.)
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ import pytest
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import Config
-from tests.server.control_harness import outputs
-from tests.server.in_process_server import InProcessServer
-from tests.timeouts import http_client
-from tests.waiting import block_until
+from tests.support.control_harness import outputs
+from tests.support.in_process_server import InProcessServer
+from tests.support.timeouts import http_client
+from tests.support.waiting import block_until
 
 
 def request(url: str, path: str, body: bytes, length: int | None = None, kind: str = "application/json") -> bytes:

@@ -8,8 +8,8 @@
     a recording damaged at random bytes         it opens up to the damage or around it, and says so
     … asked for over HTTP                       a detail with `damaged`, or one sentence and a hint; never 500
 
-(A folder that is removed while it is recorded: tests/recordings/test_recording_writer.py.
-Trials and snapshots on a full disk: tests/server/test_rollback.py, test_snapshots.py.)
+(A folder that is removed while it is recorded: tests/recordings/mcap/test_live_writer.py.
+Trials and snapshots on a full disk: tests/server/configuration/test_rollback.py, test_snapshots.py.)
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from imuscope.server.library import standing_recording
 from imuscope.server.library.decode import decode
 from imuscope.server.library.standing_recording import StandingRecording
 from imuscope.server.settings.config import Config
-from tests.each_row import each_row
 from tests.recordings.recorded_drive import drive
-from tests.server.fakes import FakeLinks, sample
-from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import chunks, send, settled
-from tests.server_process import ROOT, tied
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.support.each_row import each_row
+from tests.support.fakes import FakeLinks, sample
+from tests.support.in_process_server import InProcessServer
+from tests.support.recorder_harness import chunks, send, settled
+from tests.support.server_process import ROOT, tied
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 
 @contextlib.contextmanager

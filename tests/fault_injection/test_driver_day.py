@@ -23,12 +23,12 @@ from imuscope.protocols.xbus.frames import build
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
-from tests.extensions.shares.shared_port import opened
 from tests.fault_injection.busy_page import ListeningDevice, heard_by, open_a_page, record
-from tests.free_ports import free_port
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.server.extensions.shares.shared_port import opened
+from tests.support.free_ports import free_port
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 pytestmark = pytest.mark.usefixtures("runtime")
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.each_row import each_row
 from tests.fault_injection.beside import ANSWERS, Beside, Watched, watched
 from tests.fault_injection.floods import FLOODS
+from tests.support.each_row import each_row
 
 MOST_S = 6.0  # of the server's processor time until an answer, with all that it does beside; it takes up to 1.7 s
 

@@ -14,11 +14,11 @@ import numpy as np
 
 import imuscope
 from tests.fault_injection import watched_server
-from tests.hostile_files import HOSTILE
-from tests.processes import resident_mb
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.fault_injection.hostile_files import HOSTILE
+from tests.support.processes import resident_mb
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 GIVEN = Path(__file__).resolve().parents[3] / "shared" / "cases" / "hostile"
 LONGEST_S = 0.05  # for which the event loop may be held

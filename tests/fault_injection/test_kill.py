@@ -7,7 +7,8 @@
     takes an upload, writes a note   nothing of it but what was there before
     packs a recording                it is packed anew, and what the old packing still does harms nothing
 
-(What is lost of a recording, 20 ms: tests/server/test_recorder.py. A temporary rate: tests/server/test_rollback.py.)
+(What is lost of a recording, 20 ms: tests/server/library/test_recorder.py. A temporary rate:
+tests/server/configuration/test_rollback.py.)
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ from imuscope.server.links.simulator import SimulatorThread
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, recording
-from tests.server.control_harness import bench, outputs
-from tests.server.recorder_harness import chunks
-from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import PATIENCE_S, http_client
-from tests.waiting import block_until
+from tests.support.control_harness import bench, outputs
+from tests.support.recorder_harness import chunks
+from tests.support.server_process import ROOT, ServerProcess
+from tests.support.timeouts import PATIENCE_S, http_client
+from tests.support.waiting import block_until
 
 
 async def test_killed_while_it_records_exports_and_writes_settings(tmp_path: Path) -> None:

@@ -29,11 +29,11 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.devices.link.session import Session
-from tests.each_row import each_row
 from tests.fault_injection.fault_harness import FaultHarness, frames, stage, told
-from tests.links.link_fixtures import Pty, device, program_with, pty
-from tests.timeouts import PATIENCE_S
-from tests.waiting import until
+from tests.server.links.link_fixtures import Pty, device, program_with, pty
+from tests.support.each_row import each_row
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import until
 
 TCP_REPAIR = 19  # Linux: closing such a socket does not notify the other side
 

@@ -22,10 +22,10 @@ from imuscope.recordings.system import resource_limits
 from imuscope.server.commands.serve import within_memory
 from imuscope.server.settings.config import Config
 from tests.bench.serial_devices import Speakers, heard_in
-from tests.each_row import each_row
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.support.each_row import each_row
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 MB = 1 << 20
 HISTORY_MB, ROOM_MB = 2, 48  # room beside the history: workspaces of the decoders, what waits for the disk, answers

@@ -26,12 +26,12 @@ from imuscope.server.settings.config import Config
 from tests.bench.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
-from tests.server.fakes import FakeLinks, sample
-from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import chunks, send, settled
-from tests.server_process import ServerProcess, begun
-from tests.timeouts import PATIENCE_S, http_client
-from tests.waiting import block_until
+from tests.support.fakes import FakeLinks, sample
+from tests.support.in_process_server import InProcessServer
+from tests.support.recorder_harness import chunks, send, settled
+from tests.support.server_process import ServerProcess, begun
+from tests.support.timeouts import PATIENCE_S, http_client
+from tests.support.waiting import block_until
 
 ENOUGH = 60_000  # bytes, more than were lost: the recording used to end after 0.8 s
 

@@ -28,13 +28,13 @@ import pytest
 from fastapi import FastAPI
 
 from imuscope.server.http import server as http_server
-from tests.each_row import each_row
-from tests.extensions.fleet.store_fixtures import ENDLESS
 from tests.fault_injection.ending import children, end
-from tests.processes import is_running
-from tests.server_process import ROOT, ServerProcess
-from tests.timeouts import PATIENCE_S, http_client
-from tests.waiting import block_until
+from tests.server.extensions.fleet.store_fixtures import ENDLESS
+from tests.support.each_row import each_row
+from tests.support.processes import is_running
+from tests.support.server_process import ROOT, ServerProcess
+from tests.support.timeouts import PATIENCE_S, http_client
+from tests.support.waiting import block_until
 
 
 def test_everything_at_once(tmp_path: Path) -> None:

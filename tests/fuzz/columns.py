@@ -21,7 +21,7 @@ from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import mip as mip_oracle
 from tests.oracles import xbus as xbus_oracle
-from tests.protocols import isb_vectors
+from tests.protocols.isb import isb_vectors
 from tests.protocols.protocol_cases import isb_steady
 
 _IN_A_LIST = re.compile(r"(.+?)\[(\d+)\]\.(.+)")

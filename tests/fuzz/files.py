@@ -53,7 +53,7 @@ from tests.fuzz.cases import BrokenError, Case, where
 from tests.fuzz.reader_files import WHOLE, whole_files
 from tests.fuzz.search import CorpusSearch as Decoders
 from tests.fuzz.search import Smallest
-from tests.read_library import ReadLibrary
+from tests.support.read_library import ReadLibrary
 
 if TYPE_CHECKING:
     from tests.fuzz.reading import Reading

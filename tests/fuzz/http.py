@@ -35,10 +35,10 @@ from schemathesis import GenerationMode
 from schemathesis.checks import CHECKS, load_all_checks
 
 from tests.fuzz.cases import BrokenError, write_json
-from tests.processes import resident_mb
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S  # a longer time counts as no answer
-from tests.waiting import block_until
+from tests.support.processes import resident_mb
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S  # a longer time counts as no answer
+from tests.support.waiting import block_until
 
 MAX_GROWN_MB = 400.0  # growth of the server's memory over all requests
 SIMULATORS = tuple(

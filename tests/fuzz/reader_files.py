@@ -11,7 +11,7 @@ from pathlib import Path
 
 import zstandard
 
-from tests.recordings.readers import bags, binary_tables, flight_logs, hdf5_files, witmotion_frames
+from tests.recordings.readers.formats import bags, binary_tables, flight_logs, hdf5_files, witmotion_frames
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 TABLE = "time (s),gyro.x (rad/s)\n" + "".join(f"{n / 100},{n % 7}\n" for n in range(200))

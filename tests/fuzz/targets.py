@@ -15,15 +15,18 @@ from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from tests.faulty_line import FaultyLine
 from tests.fuzz.mutations import Pieces
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import mip as mip_oracle
 from tests.oracles import xbus as xbus_oracle
 from tests.oracles.checksums import fletcher
-from tests.protocols import idtp_vectors, isb_vectors, mip_vectors, xbus_vectors
+from tests.protocols import mip_vectors
+from tests.protocols.idtp import idtp_vectors
+from tests.protocols.isb import isb_vectors
 from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase
+from tests.protocols.xbus import xbus_vectors
+from tests.support.faulty_line import FaultyLine
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 CAPTURES = Path(__file__).parents[3] / "shared"

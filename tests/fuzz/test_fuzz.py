@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.each_row import each_row
 from tests.fuzz import cases
 from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.invariants import check
 from tests.fuzz.search import CorpusSearch, minimised
 from tests.fuzz.targets import TARGETS
+from tests.support.each_row import each_row
 
 BURST = 40  # cases: half a second; `python -m tests.fuzz` goes on
 KEPT = [path for name in TARGETS for path in cases.findings(name)]

@@ -13,9 +13,9 @@ import lz4.frame
 import pytest
 import zstandard
 
-from tests.each_row import each_row
 from tests.fuzz import cases, files, http, ws
 from tests.fuzz.cases import FINDINGS, BrokenError, Case
+from tests.support.each_row import each_row
 
 FILES = 36  # one of each kind
 REQUESTS = 1  # of every third operation

@@ -10,10 +10,11 @@ from imuscope.protocols.isb.frames import DATA, NACK, get_data
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.frames import build
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
-from tests.each_row import each_row
 from tests.fuzz.mutations import spoil
 from tests.fuzz.targets import TARGETS
-from tests.protocols import isb_vectors, xbus_vectors
+from tests.protocols.isb import isb_vectors
+from tests.protocols.xbus import xbus_vectors
+from tests.support.each_row import each_row
 
 MS = 1_000_000
 AWAKE_NS = 600 * MS

@@ -28,7 +28,7 @@ from websockets.typing import Subprotocol
 from imuscope.server.wire import SUBPROTOCOL
 from tests.fuzz.cases import BrokenError, write_json
 from tests.fuzz.http import FuzzedServer
-from tests.timeouts import PATIENCE_S, connect
+from tests.support.timeouts import PATIENCE_S, connect
 
 ANSWERS = {
     "hello", "devices", "channels", "health", "unknown_payloads", "events", "jobs", "recorder", "library", "exports",

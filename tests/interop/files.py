@@ -15,11 +15,11 @@ from typing import Any
 
 import httpx
 
-from tests.free_ports import free_port
 from tests.interop.running import DiffersError, from_pip, imuscope, run
-from tests.server.correction_messages import STREAM
-from tests.server_process import ServerProcess
-from tests.timeouts import http_client
+from tests.server.extensions.corrections.correction_messages import STREAM
+from tests.support.free_ports import free_port
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import http_client
 
 PYMCAP = "pymcap-cli==0.34.0"
 PYGNSSUTILS = "pygnssutils==1.3.1"

@@ -14,12 +14,12 @@ import numpy as np
 
 from imuscope.server import wire
 from imuscope.server.wire.codec import decode_samples
-from tests.free_ports import free_port
 from tests.interop.running import DiffersError, owned
-from tests.server_process import ServerProcess
-from tests.timeouts import connecting, get
-from tests.waiting import block_until
-from tests.zenoh_router import running_router
+from tests.server.extensions.ros2.zenoh_router import running_router
+from tests.support.free_ports import free_port
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import connecting, get
+from tests.support.waiting import block_until
 
 SOURCE = "sim:isb?rate=1000&baud=3000000"
 RATE, SECONDS = 1000, 60.0

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.free_ports import free_port
 from tests.interop.running import DiffersError, owned
-from tests.links.message_sources import watched
-from tests.waiting import until
-from tests.zenoh_router import running_router
+from tests.server.extensions.ros2.zenoh_router import running_router
+from tests.server.links.message_sources import watched
+from tests.support.free_ports import free_port
+from tests.support.waiting import until
 
 RATE, SECONDS = 1000, 60.0
 TOPIC, TYPE = "/imu/data", "sensor_msgs/msg/Imu"

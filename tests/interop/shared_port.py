@@ -20,11 +20,11 @@ from typing import Any
 
 from imuscope.protocols.isb.client_frames import frame_size
 from imuscope.recordings.importers.open_file import open_file
-from tests.free_ports import free_port
 from tests.interop.hosts import MTDEVICE, remote_folder
 from tests.interop.running import HERE, DiffersError, expect, owned, run, simulated
-from tests.server.recorder_harness import chunks
-from tests.server_process import ServerProcess
+from tests.support.free_ports import free_port
+from tests.support.recorder_harness import chunks
+from tests.support.server_process import ServerProcess
 
 LASTS_S = 60.0
 MTDATA2 = bytes((0xFA, 0xFF, 0x36))

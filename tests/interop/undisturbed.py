@@ -25,13 +25,13 @@ from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
-from tests.extensions.shares.shared_port import opened
 from tests.fault_injection.busy_page import ListeningDevice, heard_by, open_a_page, record
-from tests.free_ports import free_port
 from tests.interop.hosts import MTDEVICE
 from tests.interop.running import HERE, DiffersError, expect, owned, run
 from tests.interop.shared_port import LASTS_S, measurements, wait_for
-from tests.server_process import ServerProcess
+from tests.server.extensions.shares.shared_port import opened
+from tests.support.free_ports import free_port
+from tests.support.server_process import ServerProcess
 
 BAUD = 115_200
 RUNS = 2  # of the server; it is killed after each

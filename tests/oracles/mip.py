@@ -1,6 +1,6 @@
 """Slow and simple MIP decoder, the reference for the plug-in's.
 
-Written from the vendor's public SDK (tests/plugin_family/README.md names its files), one byte at a time.
+Written from the vendor's public SDK (tests/plugins/plugin_family/README.md names its files), one byte at a time.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.bench import idtp_mixed, isb_mixed
-from tests.protocols import xbus_vectors
 from tests.protocols.decoder_digests import PIECE
+from tests.protocols.xbus import xbus_vectors
 
 
 def write_streams(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Packets of MIP, the family of the plug-in in tests/plugin_family, for the tests that all protocols share.
+"""Packets of MIP, the family of the plug-in in tests/plugins/plugin_family, for the tests that all protocols share.
 
 The package is not installed: its folder is put on the path.
 """
@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 
-PACKAGE = Path(__file__).parents[1] / "plugin_family"
+from tests.support.source_files import ROOT
+
+PACKAGE = ROOT / "tests" / "plugins" / "plugin_family"
 if str(PACKAGE) not in sys.path:
     sys.path.append(str(PACKAGE))
 

@@ -28,8 +28,10 @@ from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import mip as mip_oracle
 from tests.oracles import xbus as oracle
-from tests.protocols import idtp_vectors, isb_vectors, mip_vectors
-from tests.protocols.xbus_vectors import everything, flat
+from tests.protocols import mip_vectors
+from tests.protocols.idtp import idtp_vectors
+from tests.protocols.isb import isb_vectors
+from tests.protocols.xbus.xbus_vectors import everything, flat
 
 UNFINISHED_TEXT = 1024
 Expected = tuple[list[tuple[int, Any]], list[tuple[int, str]]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import lzma
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,12 +20,13 @@ from imuscope.protocols.schema.fields import Bits
 from imuscope.protocols.xbus import data_identifiers as xbus_items
 from imuscope.protocols.xbus import enums as xbus_codes
 from imuscope.protocols.xbus import messages as xbus_messages
-from tests.each_row import each_row
-from tests.protocols.idtp_vectors import COMPUTED, KEY, frame
+from tests.protocols.idtp.idtp_vectors import COMPUTED, KEY, frame
 from tests.protocols.vector_coverage import FOREIGN, GROUPS, PROVENANCES
+from tests.support.each_row import each_row
+from tests.support.source_files import ROOT
 
-GOLDEN = Path(__file__).parents[1] / "golden"
-SHARED = Path(__file__).parents[3] / "shared" / "vectors"
+GOLDEN = ROOT / "tests" / "golden"
+SHARED = ROOT.parent / "shared" / "vectors"
 
 
 @each_row("name", GROUPS)

@@ -17,7 +17,7 @@ from imuscope.protocols.embedded import nmea
 from imuscope.protocols.embedded.nmea import sentence
 from imuscope.protocols.registry import families as registry
 from imuscope.protocols.xbus import binary_strings
-from tests.each_row import each_row
+from tests.support.each_row import each_row
 
 SIZE = 2 * 1024
 LARGER = {"longest ubx messages": 12 * 1024, "sentences and strings": 16 * 1024}  # than the longest; to be seen at all

@@ -20,9 +20,9 @@ from imuscope.server.commands.inspect import inspect_file
 from imuscope.server.commands.inspect_table import explained_rejects
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
-from tests.decode_options import decode_options
-from tests.each_row import each_row
-from tests.protocols.xbus_vectors import everything
+from tests.protocols.xbus.xbus_vectors import everything
+from tests.support.decode_options import decode_options
+from tests.support.each_row import each_row
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"
 

@@ -29,12 +29,13 @@ from imuscope.protocols.idtp import frames as idtp
 from imuscope.protocols.isb import frames as isb
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.frames import build
-from tests.each_row import each_row
-from tests.protocols import idtp_vectors, isb_vectors, mip_vectors
+from tests.protocols import mip_vectors
+from tests.protocols.idtp import idtp_vectors
+from tests.protocols.isb import isb_vectors
 from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase, canonical, cut, run
-from tests.protocols.xbus_vectors import everything
-
-ROOT = Path(__file__).parents[2]
+from tests.protocols.xbus.xbus_vectors import everything
+from tests.support.each_row import each_row
+from tests.support.source_files import ROOT
 
 # -- Xbus --------------------------------------------------------------------------------------------------------------
 
@@ -312,7 +313,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from tests.protocols.protocol_cases import SPEAKERS, canonical, run
-from tests.each_row import each_row
+from tests.support.each_row import each_row
 for path in sorted(Path(sys.argv[1]).iterdir()):
     data = path.read_bytes()
     lines = canonical(run(SPEAKERS[path.name], [data[:1000], data[1000:]]))
@@ -336,14 +337,8 @@ def test_without_compilation(tmp_path: Path) -> None:
 
 
 INTERPRETED = (
-    *(
-        "test_xbus_decoder.py",
-        "test_isb_decoder.py",
-        "test_idtp_decoder.py",
-        "test_counters.py",
-        "test_clock_kernels.py",
-    ),
-    *("test_chunk_boundaries.py", "test_properties.py::test_like_the_oracle"),
+    *("xbus/test_decoder.py", "isb/test_decoder.py", "idtp/test_decoder.py", "clocks/test_counters.py"),
+    *("clocks/test_kernels.py", "clocks/test_chunk_boundaries.py", "test_properties.py::test_like_the_oracle"),
 )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.protocols.rotations import euler_columns
-from tests.each_row import each_row
+from tests.support.each_row import each_row
+from tests.support.source_files import ROOT
 
-VECTORS = json.loads((Path(__file__).parents[1] / "golden" / "xbus" / "orientation.json").read_text())
+VECTORS = json.loads((ROOT / "tests" / "golden" / "xbus" / "orientation.json").read_text())
 WITH_ANGLES = [one for one in VECTORS["conversions"] if "euler" in one and one["input"] == "quaternion"]
 
 

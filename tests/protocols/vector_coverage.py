@@ -17,7 +17,6 @@ import functools
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from imuscope.protocols.embedded import nmea, rtcm, ubx
@@ -32,12 +31,15 @@ from imuscope.protocols.xbus import messages as xbus_messages
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import xbus as xbus_oracle
-from tests.protocols import idtp_vectors, isb_vectors, xbus_vectors
-from tests.protocols.nmea_sentences import EM1000, TSS2
-from tests.protocols.nmea_sentences import EXAMPLES as SENTENCES
+from tests.protocols.embedded.nmea_sentences import EM1000, TSS2
+from tests.protocols.embedded.nmea_sentences import EXAMPLES as SENTENCES
+from tests.protocols.idtp import idtp_vectors
+from tests.protocols.isb import isb_vectors
+from tests.protocols.xbus import xbus_vectors
+from tests.support.source_files import ROOT
 
 PROVENANCES = ("vendor", "spec-example", "device-capture", "computed")
-FOREIGN = json.loads((Path(__file__).parents[1] / "golden" / "foreign" / "computed.json").read_text())["messages"]
+FOREIGN = json.loads((ROOT / "tests" / "golden" / "foreign" / "computed.json").read_text())["messages"]
 Met = Iterator[tuple[Any, str]]
 
 

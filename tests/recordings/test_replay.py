@@ -10,9 +10,9 @@ from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, extent
-from tests.each_row import each_row
-from tests.manual_clock import ManualClock
-from tests.source_files import ROOT
+from tests.support.each_row import each_row
+from tests.support.manual_clock import ManualClock
+from tests.support.source_files import ROOT
 
 MS = 1_000_000
 START = 1_760_000_000_000_000_000

@@ -16,10 +16,10 @@ import pytest
 from imuscope.protocols.framing.checksums import check_sum8
 from imuscope.protocols.isb.frames import get_data, stop
 from imuscope.server.cli import main
-from tests.each_row import each_row
-from tests.server_process import ROOT, ServerProcess, begun, imuscope
-from tests.timeouts import PATIENCE_S, http_client
-from tests.waiting import block_until
+from tests.support.each_row import each_row
+from tests.support.server_process import ROOT, ServerProcess, begun, imuscope
+from tests.support.timeouts import PATIENCE_S, http_client
+from tests.support.waiting import block_until
 
 
 def test_version_and_help_are_answered() -> None:

@@ -29,11 +29,11 @@ from imuscope.server.links.source_url import SourceUrl
 from imuscope.server.settings.config import Config
 from imuscope.server.streaming.event_logging import EventLogger
 from imuscope.server.streaming.telemetry import Telemetry
-from tests import virtual_time
-from tests.read_library import ReadLibrary
-from tests.server.fakes import SPEECH, FakeLinks, sample
-from tests.server.in_process_server import InProcessServer
-from tests.server.recorder_harness import send
+from tests.support import virtual_time
+from tests.support.fakes import SPEECH, FakeLinks, sample
+from tests.support.in_process_server import InProcessServer
+from tests.support.read_library import ReadLibrary
+from tests.support.recorder_harness import send
 
 
 class Taken(MessageLink):

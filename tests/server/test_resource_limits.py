@@ -37,12 +37,12 @@ from imuscope.server.links.base import LinkSettings
 from imuscope.server.links.replay import split_devices
 from imuscope.server.links.source_url import open_link
 from imuscope.server.settings.config import Config
-from tests.each_row import each_row
-from tests.server.fakes import FakeLink
-from tests.server.in_process_server import InProcessServer
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S
-from tests.waiting import block_until
+from tests.support.each_row import each_row
+from tests.support.fakes import FakeLink
+from tests.support.in_process_server import InProcessServer
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S
+from tests.support.waiting import block_until
 
 
 def connected(running: InProcessServer) -> socket.socket:

@@ -4,7 +4,7 @@
     python -m tests.vendor.inertial_sense SDK --write    the same; the constants stay in tests/golden/isb/vendor.json
 
 SDK is a checked-out inertial-sense-sdk of the tag that tables.SOURCE names; gcc is needed. What is kept are names and
-numbers, so that tests/protocols/test_isb_vendor.py holds the tables to them without the SDK.
+numbers, so that tests/protocols/isb/test_isb_vendor.py holds the tables to them without the SDK.
 
     datasets.txt                          data_sets.h
     words NAME PREFIX                     enum NAME, or macros that begin with PREFIX

@@ -4,9 +4,9 @@
     python -m tests.vendor.xsens XSPUBLIC --write    the same; the constants stay in tests/golden/xbus/vendor.json
 
 XSPUBLIC is the folder `xspublic` of the vendor's ROS driver; gcc is needed. What is kept are names and numbers, so that
-tests/protocols/test_xbus_vendor.py holds the tables to them without it. Names differ between the document, which the
-tables follow, and the headers: rows of the mappings below say which is which; a number without a mapping is compared
-by its name.
+tests/protocols/xbus/test_xbus_vendor.py holds the tables to them without it. Names differ between the document, which
+the tables follow, and the headers: rows of the mappings below say which is which; a number without a mapping is
+compared by its name.
 """
 
 from __future__ import annotations

@@ -12,9 +12,9 @@ from types import ModuleType
 
 import pytest
 
-from tests.each_row import each_row
-from tests.server_process import ROOT
-from tests.source_files import python_files, text_of
+from tests.support.each_row import each_row
+from tests.support.server_process import ROOT
+from tests.support.source_files import python_files, text_of
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.left_out import groups_to_leave_out
-from tests.source_files import ROOT
+from tests.support.left_out import groups_to_leave_out
+from tests.support.source_files import ROOT
 
 WEB = ROOT / "web"
 SOURCES = WEB / "src"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 
-from tests.source_files import ROOT
+from tests.support.source_files import ROOT
 
 SOURCES = ROOT / "web" / "src"
 EXPORTED = re.compile(

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.source_files import ROOT
+from tests.support.source_files import ROOT
 
 SOURCES = ROOT / "web" / "src"
 LEAST = 4

@@ -1,0 +1,1 @@
+"""The program as a whole, with all of its extensions."""

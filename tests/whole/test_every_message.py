@@ -31,10 +31,10 @@ from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.devices.decode.decode_options import DecodeOptions, checked_options
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.library.decode import decode
-from tests.each_row import each_row
-from tests.extensions.rerun.rrd_tables import entities
 from tests.recordings import every_message
 from tests.recordings.recorded_drive import START
+from tests.server.extensions.rerun.rrd_tables import entities
+from tests.support.each_row import each_row
 
 FAMILIES: Mapping[str, Callable[[], Iterator[every_message.Case]]] = {
     "xbus": every_message.xbus,

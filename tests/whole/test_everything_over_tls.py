@@ -13,9 +13,9 @@ import httpx
 import pytest
 import viser
 
-from tests.server_process import ServerProcess
-from tests.timeouts import PATIENCE_S, connecting, http_client
-from tests.waiting import block_until
+from tests.support.server_process import ServerProcess
+from tests.support.timeouts import PATIENCE_S, connecting, http_client
+from tests.support.waiting import block_until
 
 
 def test_everything_is_served_over_tls(tmp_path: Path) -> None:

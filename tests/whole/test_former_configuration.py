@@ -7,9 +7,9 @@ from pathlib import Path
 from imuscope.server.extensions.foxglove.settings import FoxgloveSettings
 from imuscope.server.extensions.rerun.settings import RerunSettings
 from imuscope.server.settings.config import MapTiles, load
-from tests.decode_options import decode_options
-from tests.each_row import each_row
-from tests.source_files import ROOT
+from tests.support.decode_options import decode_options
+from tests.support.each_row import each_row
+from tests.support.source_files import ROOT
 
 KEPT = ROOT / "tests" / "golden" / "previous_formats"
 

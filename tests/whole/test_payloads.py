@@ -22,7 +22,7 @@ from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.extensions.rerun.rrd.chunks import name_of
 from imuscope.server.library.decode import decode
-from tests.extensions.rerun.rrd_tables import column, entities
+from tests.server.extensions.rerun.rrd_tables import column, entities
 
 COUNT = 30
 OWN = [bytes([k, 0xAA]) * (1 + k % 3) for k in range(COUNT)]  # of three lengths

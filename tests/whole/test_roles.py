@@ -22,8 +22,8 @@ from imuscope.server.app.build import create_app
 from imuscope.server.services.extension import extensions
 from imuscope.server.settings.config import Config
 from imuscope.server.wire.codec import WireError, decode_text
-from tests.each_row import each_row
-from tests.server.asgi_client import ACCEPTED, Answer, Reached, ask
+from tests.support.asgi_client import ACCEPTED, Answer, Reached, ask
+from tests.support.each_row import each_row
 
 VIEW, CONTROL = "view-token-of-this-test", "control-token-of-this-test"
 TOKENS = {"none": "", "view": VIEW, "control": CONTROL, "wrong": "w" * 30}

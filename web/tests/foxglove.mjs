@@ -3,7 +3,8 @@
  *
  *   node web/tests/foxglove.mjs ws://HOST:PORT/foxglove TOPIC COUNT
  *
- * Prints one JSON object: {server, topics, channel, messages: [{at (ns, as text), value}]}. tests/server/test_foxglove.py reads it.
+ * Prints one JSON object: {server, topics, channel, messages: [{at (ns, as text), value}]}. tests/server/extensions/foxglove/test_foxglove.py
+ * reads it.
  */
 import { createRequire } from "node:module";
 

@@ -1,9 +1,9 @@
 """State machine of a session's connection: the states, the events and the transitions.
 
-The table is drawn in docs/architecture.md, by `python -m tests.architecture_pictures`. A link that FAILED is retried
-after a pause or on request; one that is FINISHED (a file is over, or the source cannot be used) on request only. Both
-may happen while a link is being opened or is open. CLOSE may happen in any state, and REOPEN in all but CLOSED: a
-transaction closes the link and opens it again, for example at another rate.
+The table is drawn in docs/architecture.md, by `python -m tests.rules.architecture_pictures`. A link that FAILED is
+retried after a pause or on request; one that is FINISHED (a file is over, or the source cannot be used) on request
+only. Both may happen while a link is being opened or is open. CLOSE may happen in any state, and REOPEN in all but
+CLOSED: a transaction closes the link and opens it again, for example at another rate.
 
 An event without a row for the state is a programming error and is rejected (`IllegalTransitionError`); the state does
 not change. To add a state, add its row and list it in `OPEN_STATES` if its link is open; to add an event, add its

@@ -1,6 +1,6 @@
 /**
  * Recorded messages of a real server to a newly opened page, for component tests: texts and sample frames of its WebSocket, and its
- * HTTP answers. `python -m tests.record_wire` records them.
+ * HTTP answers. `python -m tests.web.record_wire` records them.
  */
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
@@ -12,7 +12,7 @@ import type { Dtype, ServerText } from "../wire/types";
 
 export type Family = "xbus" | "isb" | "idtp";
 
-/** Further recordings: tests/wire_scenes.py describes each. */
+/** Further recordings: tests/web/wire_scenes.py describes each. */
 export type Scene =
   | "attitude-ins-1"
   | "attitude-ins-2"

@@ -1,1 +1,0 @@
-"""Recordings of many robots in one store."""

@@ -1,0 +1,16 @@
+"""Fixtures of shared ports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.server.extensions.shares.shared_port import DevicePort
+
+
+@pytest.fixture
+def port() -> Iterator[DevicePort]:
+    made = DevicePort()
+    yield made
+    made.unplug()

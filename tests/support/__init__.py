@@ -1,0 +1,1 @@
+"""Helpers that tests import: servers and links to feed, clocks to turn, waits without limits of the machine."""

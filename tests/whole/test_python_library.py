@@ -1,0 +1,229 @@
+"""`import imuscope`: files as arrays, a running server as an iterator; the guide's examples and the notebook run."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import imuscope.recording
+from imuscope.recording import Signal
+from tests.support.cache_folder import cache_folder
+from tests.support.server_process import ROOT, ServerProcess
+from tests.support.server_process import imuscope as run_command
+from tests.support.timeouts import PATIENCE_S
+
+GUIDE, NOTEBOOK = ROOT / "docs" / "guide" / "python.md", ROOT / "docs" / "python.ipynb"
+ROWS, CUT, RATE_HZ = 400, 250, 100
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of a simulated MTi."""
+    path = tmp_path_factory.mktemp("drive") / "drive.mcap"
+    done = run_command("record", "sim:xbus", "--duration", "5", "-o", str(path), "--data", str(path.parent / "data"))
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    """A table in SI units whose clock goes back by 2 s."""
+    path = tmp_path / "walk.csv"
+    times = np.arange(ROWS) / RATE_HZ - 2.0 * (np.arange(ROWS) >= CUT)
+    lines = [f"{1.5e9 + t:.3f},{k / 7:.9f},{-k}" for k, t in enumerate(times)]
+    path.write_text("time (s),gyr_x (rad/s),count\n" + "\n".join(lines) + "\n")
+    return path
+
+
+def test_importing_it_loads_nothing() -> None:
+    code = "import sys, imuscope; print(sorted({'numpy', 'pyarrow', 'asyncio', 'fastapi'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+    assert set(imuscope.__all__) <= set(dir(imuscope))
+    with pytest.raises(AttributeError, match="no attribute 'reed'"):
+        imuscope.reed  # noqa: B018
+
+
+def test_signals_are_as_sent_with_units_and_frames(drive: Path) -> None:
+    with imuscope.open(drive) as recording:
+        assert [one.protocol for one in recording.devices] == ["xbus"]
+        rate = recording["Rate of turn"]
+        assert recording["RateOfTurn"] == rate
+        assert recording[f"{recording.devices[0].name}/RateOfTurn"] == rate
+        assert (rate.columns, rate.units, rate.message) == (("x", "y", "z"), ("°/s",) * 3, "MTData2")
+        assert recording["Quaternion"].frame == "ENU from body"
+        assert rate.values.shape == (len(rate), 3)
+        assert rate.values.dtype == np.float32
+        np.testing.assert_array_equal(rate.values[:, 1], rate.column("y"))
+        assert (np.diff(rate.time) > 0).all()
+        assert recording.start is not None
+        part = rate.between(1, 2)
+        inside = (rate.time >= recording.start + 1) & (rate.time <= recording.start + 2)
+        np.testing.assert_array_equal(part.time, rate.time[inside])
+        np.testing.assert_array_equal(part.values, rate.values[inside])
+        assert 0 < len(part) < len(rate)
+        assert any("MTi" in event.text for event in recording.events)
+    np.testing.assert_array_equal(rate.values[:1], rate.values[:1])  # arrays that were read stay
+
+
+def test_tables_of_others_have_the_same_rows(drive: Path) -> None:
+    with imuscope.open(drive) as recording:
+        rate = recording["RateOfTurn"]
+        arrow = rate.to_arrow()
+        assert arrow.column_names == ["time", "arrival", "x", "y", "z"]
+        assert arrow.schema.field("x").metadata == {b"unit": "°/s".encode()}
+        assert recording["Quaternion"].to_arrow().schema.metadata[b"frame"] == b"ENU from body"
+        np.testing.assert_array_equal(arrow["z"].to_numpy(), rate.values[:, 2])
+        pandas = rate.to_pandas()
+        np.testing.assert_allclose(pandas.index.as_unit("ns").asi8 / 1e9, rate.time, atol=1e-6)
+        np.testing.assert_array_equal(pandas["x"].to_numpy(), rate.values[:, 0])
+        polars = rate.to_polars()
+        assert polars.shape == (len(rate), 5)
+        np.testing.assert_array_equal(polars["y"].to_numpy(), rate.values[:, 1])
+
+
+def test_each_kind_of_signal_becomes_a_table(drive: Path) -> None:
+    with imuscope.open(drive) as recording:
+        assert len(recording.signals) > 5
+        for signal in recording:
+            assert signal.to_arrow().num_rows == len(signal) > 0
+            assert signal.title in repr(signal)
+
+
+def test_a_step_of_the_clock_begins_a_segment(table: Path) -> None:
+    with imuscope.open(table) as recording:
+        signal = recording["gyr_x"]
+        assert [len(part) for part in signal.segments()] == [CUT, ROWS - CUT]
+        for part in signal.segments():
+            np.testing.assert_allclose(np.diff(part.time), 1 / RATE_HZ, atol=1e-6)
+        np.testing.assert_allclose(np.concatenate([part.values for part in signal.segments()]), np.arange(ROWS) / 7)
+        assert recording.clock["unit"] == "s"
+        assert [event.data["by_s"] for event in recording.events if event.data.get("kind") == "back"] == [-2.0]
+
+
+def test_what_could_not_be_read_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time (s),a,note\n1500000000,1,on\n1500000001,x,on\n1500000002,3,off\n")
+    with imuscope.open(path) as recording:
+        cells = "1 cell was not a number and was left empty: a in row 2 ('x')."
+        assert recording.remarks == (cells, "Columns without numbers are left out: note ('on').")
+
+
+def test_analyses_and_exports_are_those_of_the_command_line(drive: Path, tmp_path: Path) -> None:
+    data = ("--data", str(tmp_path / "data"))
+    with imuscope.open(drive) as recording:
+        figures = recording.analyse("psd", "RateOfTurn.x", begin_s=1, end_s=4)
+        [path] = recording.export(tmp_path / "own.csv", signals=["Rate of turn"], begin_s=1)
+        words = ("analyse", str(drive), "psd", "--signal", "RateOfTurn.x", "--from", "1", "--to", "4")
+        told = run_command(*words, "--format", "json", *data)
+        assert told.returncode == 0, told.stderr
+        assert json.loads(told.stdout) == json.loads(json.dumps(figures["RateOfTurn.x"]))
+        header, *rows = path.read_text().splitlines()
+        assert "RateOfTurn" in header or "Rate of turn" in header
+        assert len(rows) == len(recording["RateOfTurn"].between(1, 1e6))
+
+
+def test_mistakes_are_one_sentence(drive: Path, table: Path, tmp_path: Path) -> None:
+    with imuscope.open(drive) as recording:
+        for use, words in (
+            (lambda: recording["Speed"], "no signal 'Speed'; it has: .*Rate of turn"),
+            (lambda: recording["RateOfTurn"].column("w"), "no column 'w'; it has: x, y, z"),
+            (lambda: recording.analyse("guess"), "guess"),
+            (lambda: recording.analyse("psd", "Speed"), "Speed"),
+            (lambda: recording.export(tmp_path / "x.abc"), "not a valid format"),
+            (lambda: recording.export(tmp_path / "none" / "x.csv"), "folder not found"),
+            (lambda: imuscope.open(tmp_path / "gone.mcap"), "does not exist"),
+            (lambda: imuscope.open(table, time_column="hour"), "hour"),
+            (lambda: imuscope.connect("ftp://robot"), "looks like http://robot.local:8080"),
+            (lambda: imuscope.connect("http://127.0.0.1:9"), "No server answers at http://127.0.0.1:9"),
+        ):
+            with pytest.raises(imuscope.ImuscopeError, match=words):
+                use()
+    unclear = tmp_path / "millis.csv"
+    unclear.write_text("timestamp,x\n" + "".join(f"{5000 + 100 * k},{k}\n" for k in range(50)))
+    with pytest.raises(imuscope.ImuscopeError, match=r"time.unit"):
+        imuscope.open(unclear)
+    with imuscope.open(unclear, time_unit="ms") as recording:
+        assert recording.end is not None
+        assert recording.start is not None
+        assert recording.end - recording.start == pytest.approx(4.9)
+
+
+def test_a_server_is_an_iterator(server: ServerProcess) -> None:
+    with imuscope.connect(server.url) as live:
+        assert live.version
+        batches: list[Any] = []
+        for batch in live.stream("RateOfTurn", timeout_s=PATIENCE_S):
+            batches.append(batch)
+            if sum(map(len, batches)) > 20:
+                break
+        assert {one.signal.name for one in batches} == {"RateOfTurn"}
+        assert batches[0].signal.device.id in {one.id for one in live.devices}
+        for batch in batches:
+            assert batch.values.shape == (len(batch), 3)
+            assert batch.signal.units == ("°/s",) * 3
+        times = np.concatenate([one.time for one in batches])
+        assert (np.diff(times) > 0).all()
+        history = next(live.stream("RateOfTurn", history_s=60, timeout_s=PATIENCE_S))
+        assert len(history) > 0
+        with pytest.raises(
+            imuscope.ImuscopeError, match=r"Nothing of 'Rate' arrived .*; the server sends: .*Rate of turn"
+        ):
+            next(live.stream("Rate", timeout_s=0.2))
+    for address in (server.url.replace("http://", "tcp://"), server.url.removeprefix("http://")):
+        with imuscope.connect(address) as live:
+            assert live.version
+
+
+def test_the_examples_of_the_guide_run(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blocks = re.findall(r"^```python\n(.*?)^```", GUIDE.read_text(), re.MULTILINE | re.DOTALL)
+    assert len(blocks) >= 4
+    assert run_examples(blocks, drive, tmp_path, monkeypatch)["rate"].title == "Rate of turn"
+
+
+def test_the_examples_of_the_guide_are_typed(tmp_path: Path) -> None:
+    """A script elsewhere, under mypy --strict: the package says that it has types."""
+    blocks = re.findall(r"^```python[^\n]*\n(.*?)^```", GUIDE.read_text(), re.MULTILINE | re.DOTALL)
+    (tmp_path / "script.py").write_text("\n".join(blocks) + "\nreveal_type(rate.time)\n")
+    cache = f"--cache-dir={cache_folder('mypy-guide')}"
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", cache, "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=5 * PATIENCE_S)
+    assert done.returncode == 0, done.stdout
+    assert "numpy.float64" in done.stdout
+
+
+def test_the_examples_of_its_docstrings_are_right() -> None:
+    names = {**vars(imuscope.recording)}
+    [module, *others] = sorted(doctest.DocTestFinder().find(imuscope.recording), key=lambda one: one.name)
+    runner = doctest.DocTestRunner()
+    for one in (module, *others):
+        one.globs = names
+        assert runner.run(one, clear_globs=False).failed == 0, one.name
+    assert runner.summarize().attempted > 10
+
+
+def test_the_notebook_runs(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = json.loads(NOTEBOOK.read_text())["cells"]
+    names = run_examples(
+        ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"], drive, tmp_path, monkeypatch
+    )
+    assert isinstance(names["rate"], Signal)
+    assert all(cell.get("outputs", []) == [] for cell in cells), "outputs are not stored"
+
+
+def run_examples(blocks: list[str], drive: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Run them one after the other in a folder with drive.mcap; returns the names that they made."""
+    (folder / "drive.mcap").write_bytes(drive.read_bytes())
+    monkeypatch.chdir(folder)
+    names: dict[str, Any] = {}
+    for block in blocks:
+        exec(compile(block, "example", "exec"), names)
+    return names
