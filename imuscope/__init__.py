@@ -21,9 +21,11 @@ own.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # to import typing takes half a megabyte
 if TYPE_CHECKING:
+    from typing import Any
+
     from imuscope.live import Batch, LiveSignal, Server, connect
     from imuscope.recording import Device, Event, ImuscopeError, Recording, Signal, open
 

@@ -11,7 +11,9 @@ document of the same maker.
 
 from __future__ import annotations
 
-from typing import Literal
+TYPE_CHECKING = False  # a holder has no room for typing
+if TYPE_CHECKING:
+    from typing import Literal
 
 PREAMBLE = b"\xef\x49"
 HEADER, TRAILER = 6, 2

@@ -9,7 +9,9 @@ Source: MT0101P 2020.A, "Message structure", 5.2 and 5.3.1.
 
 from __future__ import annotations
 
-from typing import Literal
+TYPE_CHECKING = False  # a holder has no room for typing
+if TYPE_CHECKING:
+    from typing import Literal
 
 PREAMBLE, EXTENDED = 0xFA, 0xFF
 LARGEST = 2048  # bytes of data in an extended frame

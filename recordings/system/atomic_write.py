@@ -7,8 +7,11 @@ No other code in the project replaces one file by another (tests/rules/test_arch
 from __future__ import annotations
 
 import os
-from pathlib import Path
-from typing import BinaryIO
+
+TYPE_CHECKING = False  # the holder of a shared port has no room for typing and pathlib
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import BinaryIO
 
 PRIVATE, SHARED = 0o600, 0o666
 """Permissions of files of a server, which may hold secrets and positions; and of files that a user requested."""
@@ -41,7 +44,7 @@ def open_private(path: Path, *, exclusive: bool = False) -> BinaryIO:
     return open(path, "xb" if exclusive else "wb", opener=lambda name, flags: os.open(name, flags, PRIVATE))
 
 
-def replace(temporary: Path, path: Path, *, durable: bool = True) -> None:
+def replace(temporary: str | Path, path: str | Path, *, durable: bool = True) -> None:
     """Move a finished temporary file of the same file system to its place.
 
     Args:
@@ -49,7 +52,7 @@ def replace(temporary: Path, path: Path, *, durable: bool = True) -> None:
     """
     os.replace(temporary, path)
     if durable:
-        sync(path.parent)
+        sync(os.path.dirname(path) or ".")
 
 
 def remove(path: Path) -> None:
@@ -58,7 +61,7 @@ def remove(path: Path) -> None:
     sync(path.parent)
 
 
-def sync(path: Path) -> None:
+def sync(path: str | Path) -> None:
     """Bring a file or a folder to the disk, as far as that is possible."""
     try:
         handle = os.open(path, os.O_RDONLY)

@@ -32,7 +32,16 @@ from pathlib import Path
 from statistics import median
 from typing import Literal
 
-from imuscope.server.system.open_files import OWN, Program, open_files, process_folders, program_of, unblock_steps
+from imuscope.server.system.open_files import (
+    OWN,
+    Program,
+    descriptors,
+    file_text,
+    open_files,
+    process_folders,
+    program_of,
+    unblock_steps,
+)
 
 Status = Literal["ok", "warning", "problem"]
 
@@ -184,7 +193,7 @@ def programs(machine: Machine) -> Iterator[Finding]:
     running = set()
     for folder in process_folders(machine.root):
         try:
-            running.add((folder / "comm").read_text(errors="replace").strip())
+            running.add(file_text(folder, "comm").strip())
         except OSError:
             continue
     if "ModemManager" in running:
@@ -412,7 +421,7 @@ def _listener(machine: Machine) -> str:
         return ""
     for folder in process_folders(machine.root):
         try:
-            if any(os.readlink(link) in inodes for link in (folder / "fd").iterdir()):
+            if any(os.readlink(link) in inodes for link in descriptors(folder)):
                 return program_of(folder).name
         except OSError:
             continue

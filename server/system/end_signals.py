@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import signal
 from collections.abc import Iterator
-from typing import NoReturn
 
 
 def end_signals() -> tuple[signal.Signals, ...]:
@@ -23,7 +22,7 @@ def ending_by_exception() -> Iterator[None]:
     """End by an exception at a signal, so that temporary files and folders are removed."""
     import threading  # the holder of a shared port needs no threads
 
-    def end(number: int, frame: object) -> NoReturn:
+    def end(number: int, frame: object) -> None:
         raise SystemExit(128 + number)
 
     if threading.current_thread() is not threading.main_thread():  # only that one may set handlers

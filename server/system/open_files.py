@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from pathlib import Path
-from typing import NamedTuple
+
+from imuscope.server.system.light_modules import NamedTuple
 
 OWN = "imuscope"
-ROOT = Path("/")
+ROOT = "/"
 MOST_COMM = 15  # characters of a program's name that the kernel keeps
 SHARED_PATH = "/run/imuscope/imu0"  # an example
 MODULE = re.compile(r" -m imuscope(\.server\.(cli|[\w.]+\.holder))?( |$)")
@@ -25,33 +25,46 @@ class Program(NamedTuple):
         return f"{self.name} (process {self.pid})"
 
 
-def program_of(folder: Path) -> Program:
+def file_text(folder: str | os.PathLike[str], name: str) -> str:
+    """The text of a file of a folder. OSError: it cannot be read."""
+    with open(os.path.join(folder, name), errors="replace") as file:
+        return file.read()
+
+
+def descriptors(folder: os.DirEntry[str]) -> list[os.DirEntry[str]]:
+    """Links to the files that a process has open. OSError: it has ended, or is another user's."""
+    with os.scandir(f"{folder.path}/fd") as links:
+        return list(links)
+
+
+def program_of(folder: str | os.PathLike[str]) -> Program:
     """The program of a folder of /proc."""
     try:
-        line = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-        name = (folder / "comm").read_text(errors="replace").strip()
+        line = file_text(folder, "cmdline").replace("\0", " ")
+        name = file_text(folder, "comm").strip()
     except OSError:
         line, name = "", "another program"
     words = line.split()
-    started = {Path(word).name.rstrip(":") for word in words[:2]}  # others may run from a folder of that name
+    started = {os.path.basename(word).rstrip(":") for word in words[:2]}  # others may run from a folder of that name
     is_own = OWN in started or MODULE.search(line) is not None
-    return Program(int(folder.name), OWN if is_own else name)
+    return Program(int(os.path.basename(folder)), OWN if is_own else name)
 
 
-def process_folders(root: Path = ROOT) -> list[Path]:
+def process_folders(root: str | os.PathLike[str] = ROOT) -> list[os.DirEntry[str]]:
     """The folders of all processes in /proc."""
     try:
-        return [one for one in (root / "proc").iterdir() if one.name.isdecimal()]
+        with os.scandir(os.path.join(root, "proc")) as entries:
+            return [one for one in entries if one.name.isdecimal()]
     except OSError:
         return []
 
 
-def open_files(is_wanted: Callable[[str], bool], root: Path = ROOT) -> dict[str, list[Program]]:
+def open_files(is_wanted: Callable[[str], bool], root: str | os.PathLike[str] = ROOT) -> dict[str, list[Program]]:
     """Programs by the wanted file that they have open, in the order of their processes."""
     programs: dict[str, list[Program]] = {}
     for folder in sorted(process_folders(root), key=lambda one: int(one.name)):
         try:
-            links = list((folder / "fd").iterdir())
+            links = descriptors(folder)
         except OSError:
             continue
         places = set()
@@ -79,13 +92,13 @@ def readers_of(path: str) -> list[Program]:
     for folder in process_folders():
         reads = is_device = False
         try:
-            for link in (folder / "fd").iterdir():
+            for link in descriptors(folder):
                 target = os.readlink(link)
                 if target == place:
-                    flags = _fdinfo(folder, link.name, "flags")
+                    flags = descriptor_field(folder, link.name, "flags")
                     reads = reads or int(flags or "0", 8) & os.O_ACCMODE != os.O_WRONLY
                 elif index and target.endswith("/ptmx"):
-                    is_device = is_device or _fdinfo(folder, link.name, "tty-index") == index
+                    is_device = is_device or descriptor_field(folder, link.name, "tty-index") == index
         except OSError:
             continue  # it has ended, or is another user's
         if reads and not is_device and int(folder.name) != os.getpid():
@@ -94,9 +107,9 @@ def readers_of(path: str) -> list[Program]:
     return readers
 
 
-def _fdinfo(folder: Path, fd: str, name: str) -> str:
-    """A field of a descriptor, see proc_pid_fdinfo(5); "" if it has none."""
-    lines = (folder / "fdinfo" / fd).read_text().splitlines()
+def descriptor_field(folder: os.PathLike[str], fd: str, name: str) -> str:
+    """A field of a descriptor, see proc_piddescriptor_field(5); "" if it has none."""
+    lines = file_text(folder, f"fdinfo/{fd}").splitlines()
     return next((line.partition(":")[2].strip() for line in lines if line.startswith(name)), "")
 
 
@@ -111,13 +124,13 @@ def session_on(path: str) -> Program | None:
         return None
     for folder in process_folders():
         try:
-            fields = (folder / "stat").read_text(errors="replace").rpartition(")")[2].split()
+            fields = file_text(folder, "stat").rpartition(")")[2].split()
         except OSError:
             continue
         session, number = int(fields[3]), int(fields[4]) & 0xFFFFFFFF
         if number and os.makedev(number >> 8 & 0xFFF, number >> 12 & 0xFFF00 | number & 0xFF) == terminal:
-            leader = ROOT / "proc" / str(session)
-            return program_of(leader if leader.exists() else folder)
+            leader = f"/proc/{session}"
+            return program_of(leader if os.path.exists(leader) else folder)
     return None
 
 
@@ -139,7 +152,7 @@ def unblock_steps(place: str, name: str) -> tuple[str, ...]:
     )
 
 
-def programs_with(path: str, root: Path = ROOT) -> list[Program]:
+def programs_with(path: str, root: str | os.PathLike[str] = ROOT) -> list[Program]:
     """The programs that have a file open."""
     place = os.path.realpath(path)
     return open_files(lambda one: one == place, root).get(place, [])

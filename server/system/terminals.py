@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
-from pathlib import Path
 
 PTS = "/dev/pts/"  # folder of pseudo-terminals
 
@@ -47,7 +46,7 @@ def standing_at(place: str) -> tuple[int, ...] | None:
     return about.st_dev, about.st_ino, about.st_rdev, about.st_mode, about.st_uid, about.st_gid
 
 
-def may_be_terminal(place: str, root: Path = Path("/")) -> bool:
+def may_be_terminal(place: str, root: str | os.PathLike[str] = "/") -> bool:
     """Whether a path may be a serial port: only then it is opened, because to open another device can have effects.
 
     The system reports the kind of a device; where it does not (`/sys` is missing), the opened port has to be a
@@ -61,7 +60,7 @@ def may_be_terminal(place: str, root: Path = Path("/")) -> bool:
         return False
     major, minor = os.major(about.st_rdev), os.minor(about.st_rdev)
     try:
-        kind = os.readlink(root / f"sys/dev/char/{major}:{minor}/subsystem")
+        kind = os.readlink(f"{os.fspath(root)}/sys/dev/char/{major}:{minor}/subsystem")
     except OSError:
         return True  # a pseudo-terminal has none
     return kind.rpartition("/")[2] == "tty"

@@ -10,7 +10,6 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 from imuscope.recordings.system.priority import PERMIT, has_raised_priority
 from imuscope.server.diagnostics.checks import Finding
@@ -25,7 +24,7 @@ from imuscope.server.links.source_url import open_link
 from imuscope.server.links.tcp import TcpLink
 from imuscope.server.settings.config import Config
 from imuscope.server.system.open_files import ROOT as ROOT_FOLDER
-from imuscope.server.system.open_files import process_folders
+from imuscope.server.system.open_files import file_text, process_folders
 
 
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -47,12 +46,11 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
     return command
 
 
-def findings(config: Config, root: Path = ROOT_FOLDER) -> Iterator[Finding]:
+def findings(config: Config, root: str | os.PathLike[str] = ROOT_FOLDER) -> Iterator[Finding]:
     """Whether the holders that run come before other programs."""
     for folder in process_folders(root):
         with contextlib.suppress(OSError):
-            command = (folder / "cmdline").read_bytes().split(b"\0")
-            if MODULE.encode() not in command or has_raised_priority(int(folder.name)):
+            if MODULE not in file_text(folder, "cmdline").split("\0") or has_raised_priority(int(folder.name)):
                 continue
             message = f"The holder of a shared port (process {folder.name}) has no priority over other programs."
             yield Finding("warning", "shared ports", f"{message} Beside busy ones its bytes come later.", (PERMIT,))

@@ -10,7 +10,6 @@ import faulthandler
 import os
 import signal
 import sys
-import syslog
 from collections.abc import Callable
 
 from imuscope.recordings.system.priority import PERMIT, raise_priority
@@ -61,6 +60,7 @@ def run(settings: HolderSettings, ready: Callable[[], None]) -> int:
     failures: list[Exception] = []
 
     def failed(error: Exception) -> None:
+        import syslog
         import traceback
 
         failures.append(error)

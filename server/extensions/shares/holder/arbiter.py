@@ -12,7 +12,7 @@ they send is not read from them, so their own buffers hold it.
 
 from __future__ import annotations
 
-import math
+from imuscope.server.system.light_modules import INFINITY
 
 SERVER = 0
 """Number of the server among the speakers; clients have numbers from 1 on."""
@@ -68,7 +68,7 @@ class Arbiter:
         if self._speaker != who:
             return
         self._configuring = who
-        self._quiet_s = max(self._quiet_s, math.inf if until_done else CHANGED_QUIET_S)
+        self._quiet_s = max(self._quiet_s, INFINITY if until_done else CHANGED_QUIET_S)
         self._last = now
 
     def configured(self, who: int, now: float) -> None:

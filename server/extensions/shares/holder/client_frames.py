@@ -6,12 +6,12 @@ is recognised. The bytes are passed on as they come, whatever is found in them.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
-from pathlib import Path
-from typing import Any, Literal, NamedTuple
 
 from imuscope.server.extensions.shares.holder.queues import FrameSize
+from imuscope.server.system.light_modules import Any, Literal, NamedTuple
 
 MOST_PARTIAL = 4096  # bytes without the end of a frame, after which the search restarts
 
@@ -47,8 +47,8 @@ def load_alone(name: str) -> Any:
     package, _, own = name.rpartition(".")
     location = find_spec(package) if package else None
     for folder in (location.submodule_search_locations or ()) if location is not None else ():
-        spec = spec_from_file_location(name, Path(folder) / f"{own}.py")
-        if spec is not None and spec.loader is not None and Path(folder, f"{own}.py").is_file():
+        spec = spec_from_file_location(name, path := os.path.join(folder, f"{own}.py"))
+        if spec is not None and spec.loader is not None and os.path.isfile(path):
             module = module_from_spec(spec)
             spec.loader.exec_module(module)
             return module

@@ -5,16 +5,15 @@ from __future__ import annotations
 import contextlib
 import errno
 import fcntl
-import math
 import os
 import struct
 import termios
 from functools import partial
-from typing import Any
 
 from imuscope.server.concurrency.limiters import TokenBucket
 from imuscope.server.extensions.shares.holder.client_frames import ClientFrames
 from imuscope.server.extensions.shares.holder.queues import ClientQueue, FrameSize
+from imuscope.server.system.light_modules import INFINITY, Any
 
 READ_BYTES = 1 << 12
 MOST_DATAGRAM = 1400  # within the payload of an Ethernet frame
@@ -66,7 +65,7 @@ class Client:
         self.paused_since = 0.0
         self.refused_baud: int | None = None
         self.held_since = self.limited_until = self.limited_s = 0.0
-        self.budget = TokenBucket(0.0, math.inf, 0.0)  # until the line is known
+        self.budget = TokenBucket(0.0, INFINITY, 0.0)  # until the line is known
         self.frames = ClientFrames()
 
     def put(self, data: bytes, frame_size: FrameSize | None) -> bool:

@@ -11,7 +11,8 @@ import json
 import struct
 from collections.abc import Iterator
 from enum import IntEnum
-from typing import Any
+
+from imuscope.server.system.light_modules import Any
 
 VERSION = 1
 HEADER = struct.Struct("<BI")

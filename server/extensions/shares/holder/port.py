@@ -6,14 +6,13 @@ import contextlib
 import errno
 import fcntl
 import os
-import socket
 import struct
 import termios
 import time
 from collections import deque
 from collections.abc import Mapping
-from typing import Any
 
+from imuscope.server.system.light_modules import Any
 from imuscope.server.system.terminals import is_another, may_be_terminal, pseudo_terminal
 
 READ_BYTES = 1 << 12  # a terminal gives no more at once, and each read allocates as much
@@ -82,6 +81,8 @@ class Port:
                 self.fd = self._handle.fd
                 self._terminal = pseudo_terminal(self._source["place"])
             else:
+                import socket
+
                 self._handle = socket.create_connection((self._source["host"], self._source["port"]), CONNECT_S)
                 self._handle.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._handle.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)

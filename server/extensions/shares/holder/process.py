@@ -13,13 +13,11 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib.machinery import ExtensionFileLoader
 from importlib.util import module_from_spec, spec_from_loader
-from typing import Any
 
 from imuscope.server.concurrency.backoff import LOCAL_S, Backoff
 from imuscope.server.extensions.shares.holder.arbiter import SERVER, Arbiter
@@ -34,6 +32,7 @@ from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
 from imuscope.server.extensions.shares.holder.sharing import Sharing
 from imuscope.server.extensions.shares.holder.socket_paths import port_link
+from imuscope.server.system.light_modules import INFINITY, Any
 from imuscope.server.system.terminals import standing_at
 
 MOST_CLIENTS = 4
@@ -183,10 +182,10 @@ class Holder:
                 self._tick(now)
                 is_calm = self.port.is_open and self.sharing.is_calm and self.arbiter.speaker(now) is None
                 next_tick = now + (CALM_S if is_calm else TICK_S)
-            due_at = self.server.connection.due_at if self.server.connection is not None else math.inf
+            due_at = self.server.connection.due_at if self.server.connection is not None else INFINITY
             if due_at <= now:
                 self.server.pass_on()
-            elif due_at == math.inf and self._relayed(next_tick + LATE_S):
+            elif due_at == INFINITY and self._relayed(next_tick + LATE_S):
                 continue
             else:
                 run_once(min(next_tick + LATE_S, due_at) - now)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import _socket
 import errno
-import math
-import socket
 import struct
 import time
 
 from imuscope.server.extensions.shares.holder.messages import HEADER, STAMP, MessageKind, MessageReader
+from imuscope.server.system.light_modules import INFINITY
 
 _CREDENTIALS = struct.Struct("3i")  # process, user and group of the other end, see unix(7)
 _DATA = struct.Struct(HEADER.format + STAMP.format[1:])
@@ -22,17 +22,17 @@ EARLY_NS = 2_000_000  # before that: bytes that arrive then take it along, which
 class ServerConnection:
     """The connection to the server. Bytes of the device are collected for a moment: their stamps go with them."""
 
-    def __init__(self, connection: socket.socket) -> None:
+    def __init__(self, connection: _socket.socket) -> None:
         self._connection = connection
         self.fd = connection.fileno()
-        peer = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+        peer = connection.getsockopt(_socket.SOL_SOCKET, _socket.SO_PEERCRED, _CREDENTIALS.size)
         self.pid: int = _CREDENTIALS.unpack(peer)[0]
         self._reader = MessageReader()
         self._waiting = bytearray()
         self._collected: list[tuple[int, bytes]] = []
         self._early_ns, self._latest = 0, 0.0  # bytes with a later stamp are sent at once; others then, monotonic s
         self._size = 0
-        self.due_at = math.inf
+        self.due_at = INFINITY
 
     @property
     def backlog(self) -> int:
@@ -53,7 +53,7 @@ class ServerConnection:
         self._collected.clear()
         now_ns = time.monotonic_ns()
         self._early_ns, self._latest = now_ns + SERVER_NS - EARLY_NS, (now_ns + SERVER_NS) / 1e9
-        self._size, self.due_at = 0, math.inf
+        self._size, self.due_at = 0, INFINITY
         self.send(b"".join(parts))
 
     def send(self, data: bytes) -> None:

@@ -5,19 +5,19 @@ What it sends while a client has the voice waits, for MOST_WAIT_S; then it is re
 
 from __future__ import annotations
 
+import _socket
 import contextlib
 import errno
 import fcntl
 import os
-import socket
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
 
 from imuscope.server.extensions.shares.holder.clients import Client
 from imuscope.server.extensions.shares.holder.event_loop import READ, WRITE, EventLoop
 from imuscope.server.extensions.shares.holder.messages import CLIENT, VERSION, MessageKind, json_message, message
 from imuscope.server.extensions.shares.holder.server_connection import ServerConnection
 from imuscope.server.extensions.shares.holder.shares import ShareError
+from imuscope.server.system.light_modules import Any, NamedTuple, Socket
 
 MOST_BEHIND = 8 << 20  # bytes waiting for a server that does not read, beyond which it is disconnected
 MOST_WAIT_S = 10.0
@@ -55,7 +55,7 @@ class ServerSide:
     ) -> None:
         self._path, self._about, self._loop = path, about, loop
         self._on_message, self._on_gone, self._state = on_message, on_gone, state
-        self._accepting: socket.socket | None = None
+        self._accepting: Socket | None = None
         self._link = ""
         self.connection: ServerConnection | None = None
         self.writes: list[WaitingWrite] = []
@@ -80,14 +80,14 @@ class ServerSide:
         self._accepting = accepting
         self._loop.watch(accepting.fileno(), READ, self._on_connects)
 
-    def _listening(self) -> socket.socket:
+    def _listening(self) -> Socket:
         """A socket at the path; ShareError as `listen`."""
         path = self._path
         if _answers(path):
             raise ShareError(OTHER_HOLDER)
         with contextlib.suppress(FileNotFoundError):
             os.unlink(path)  # of a holder that was killed
-        accepting = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        accepting = Socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
         before = os.umask(0o177)
         try:
             accepting.bind(path)
@@ -225,6 +225,9 @@ class ServerSide:
 
 def _answers(path: str) -> bool:
     """Whether a holder listens at a path."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        probe.setblocking(False)
+    probe = Socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
+    probe.setblocking(False)
+    try:
         return os.path.exists(path) and probe.connect_ex(path) in (0, errno.EAGAIN)  # EAGAIN: it is there, and busy
+    finally:
+        probe.close()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
-from typing import Any, NamedTuple
 
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
+from imuscope.server.system.light_modules import Any, NamedTuple
 
 MODULE = "imuscope.server.extensions.shares.holder"
 

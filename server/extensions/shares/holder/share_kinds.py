@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import _socket
 import contextlib
 import errno
 import fcntl
-import grp
 import os
-import pwd
 import select
-import socket
 import termios
 import tty
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from pathlib import Path
 
 from imuscope.recordings.system import atomic_write
 from imuscope.server.extensions.shares.holder.clients import Client, UdpClient
 from imuscope.server.extensions.shares.holder.settings import MODULE
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
+from imuscope.server.system.light_modules import Socket
+from imuscope.server.system.open_files import descriptor_field, descriptors, file_text, process_folders
 from imuscope.server.system.terminals import PTS
 
 MOST_TCP_CLIENTS = 16
@@ -134,7 +133,7 @@ class PtyShare(Share):
             self._own(slave)
             temporary = f"{path}.{os.getpid()}.tmp"
             os.symlink(name, temporary)
-            atomic_write.replace(Path(temporary), Path(path), durable=False)
+            atomic_write.replace(temporary, path, durable=False)
         except ShareError as error:
             os.close(master)
             raise ShareError(f"{path} cannot be created: {error}") from None
@@ -227,18 +226,18 @@ class TcpShare(Share):
 
     def __init__(self, address: ShareAddress, next_number: Callable[[], int]) -> None:
         super().__init__(address, next_number)
-        self._listener: socket.socket | None = None
-        self._sockets: dict[int, socket.socket] = {}
+        self._listener: Socket | None = None
+        self._sockets: dict[int, Socket] = {}
 
     @property
     def is_open(self) -> bool:
         return self._listener is not None
 
     def open(self) -> None:
-        family = socket.AF_INET6 if ":" in self.address.host else socket.AF_INET
-        listener = socket.socket(family, socket.SOCK_STREAM)
+        family = _socket.AF_INET6 if ":" in self.address.host else _socket.AF_INET
+        listener = Socket(family, _socket.SOCK_STREAM)
         try:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.setsockopt(_socket.SOL_SOCKET, _socket.SO_REUSEADDR, 1)
             listener.bind((self.address.host, self.address.port))
             listener.listen(MOST_TCP_CLIENTS)
             listener.setblocking(False)
@@ -267,8 +266,8 @@ class TcpShare(Share):
         except OSError:
             return None
         connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        connection.setsockopt(_socket.IPPROTO_TCP, _socket.TCP_NODELAY, 1)
+        connection.setsockopt(_socket.SOL_SOCKET, _socket.SO_KEEPALIVE, 1)
         host = f"[{peer[0]}]" if ":" in peer[0] else peer[0]
         client = self._add(f"{host}:{peer[1]}", connection.fileno())
         self._sockets[client.number] = connection
@@ -298,15 +297,15 @@ class UdpShare(Share):
 
     def __init__(self, address: ShareAddress, next_number: Callable[[], int]) -> None:
         super().__init__(address, next_number)
-        self._socket: socket.socket | None = None
+        self._socket: Socket | None = None
 
     @property
     def is_open(self) -> bool:
         return self._socket is not None
 
     def open(self) -> None:
-        family = socket.AF_INET6 if ":" in self.address.host else socket.AF_INET
-        made = socket.socket(family, socket.SOCK_DGRAM)
+        family = _socket.AF_INET6 if ":" in self.address.host else _socket.AF_INET
+        made = Socket(family, _socket.SOCK_DGRAM)
         try:
             made.connect((self.address.host, self.address.port))
             made.setblocking(False)
@@ -350,13 +349,12 @@ def _holder_of(path: str) -> int | None:
         index = os.readlink(path).removeprefix(PTS)
     except OSError:
         return None
-    for folder in Path("/proc").iterdir():
+    for folder in process_folders():
         try:
-            if not folder.name.isdecimal() or MODULE.encode() not in (folder / "cmdline").read_bytes():
+            if MODULE not in file_text(folder, "cmdline"):
                 continue
-            for fd in (folder / "fd").iterdir():
-                about = folder / "fdinfo" / fd.name
-                if os.readlink(fd).endswith("ptmx") and f"tty-index:\t{index}\n" in about.read_text():
+            for fd in descriptors(folder):
+                if os.readlink(fd).endswith("ptmx") and descriptor_field(folder, fd.name, "tty-index") == index:
                     return int(folder.name)
         except OSError:  # it ended, or belongs to another user
             continue
@@ -365,6 +363,8 @@ def _holder_of(path: str) -> int | None:
 
 def _user(name: str) -> int:
     """Number of a user; −1 for none given."""
+    import pwd  # libraries that most holders do not need, here and below
+
     try:
         return -1 if not name else int(name) if name.isdigit() else pwd.getpwnam(name).pw_uid
     except KeyError:
@@ -373,6 +373,8 @@ def _user(name: str) -> int:
 
 def _group(name: str) -> int:
     """Number of a group; −1 for none given."""
+    import grp
+
     try:
         return -1 if not name else int(name) if name.isdigit() else grp.getgrnam(name).gr_gid
     except KeyError:

@@ -12,8 +12,8 @@ The first client of a share that is not read-only may write, the others read.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
-from urllib.parse import parse_qsl, urlsplit
+
+from imuscope.server.system.light_modules import Any, Literal, NamedTuple
 
 ShareKind = Literal["pty", "tcp", "udp"]
 MODES = ("write", "read")
@@ -85,6 +85,8 @@ class ShareAddress(NamedTuple):
 
 
 def _options(text: str, kind: str, query: str) -> dict[str, str]:
+    from urllib.parse import parse_qsl  # which a holder, that is given the parts, does not need
+
     options = dict(parse_qsl(query, keep_blank_values=True))
     for name in options:
         if name not in _OPTIONS[kind]:
@@ -112,6 +114,8 @@ def _permissions(text: str) -> int | None:
 
 
 def _host_and_port(text: str, rest: str) -> tuple[str, int]:
+    from urllib.parse import urlsplit
+
     try:
         parts = urlsplit(f"//{rest}")
         host, port = parts.hostname or LOOPBACK, parts.port

@@ -13,7 +13,6 @@ import contextlib
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
 
 from imuscope.server.extensions.shares.holder.arbiter import Arbiter
 from imuscope.server.extensions.shares.holder.client_frames import FrameRules
@@ -22,6 +21,7 @@ from imuscope.server.extensions.shares.holder.event_loop import GONE, READ, WRIT
 from imuscope.server.extensions.shares.holder.port import MOST_WAITING, Port, PortError
 from imuscope.server.extensions.shares.holder.share_kinds import Share, make_share
 from imuscope.server.extensions.shares.holder.shares import ShareAddress, ShareError
+from imuscope.server.system.light_modules import Any
 
 MOST_WAIT_S = 10.0  # of a client for the voice
 SETTLE_S = 0.02  # from a new rate of a client to that of the port: what it sent before goes out at the former one

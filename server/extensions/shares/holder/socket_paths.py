@@ -13,7 +13,10 @@ from __future__ import annotations
 
 import os
 import stat
-from pathlib import Path
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from pathlib import Path
 
 LONGEST = 107 - len("/0123456789abcdef.sock")
 """Of the folder, bytes: the system takes no longer path of a socket."""
@@ -25,15 +28,17 @@ def runtime_folder() -> Path:
     Raises:
         OSError: it cannot be created, belongs to another user, or its path is too long.
     """
+    from pathlib import Path  # as tempfile and hashlib below: a holder, which is given its path, needs none of them
+
     runtime, uid = os.environ.get("XDG_RUNTIME_DIR"), os.getuid()
     if runtime:
-        folder = Path(runtime) / "imuscope"
+        folder = Path(runtime, "imuscope")
     elif uid == 0:
         folder = Path("/run/imuscope")
     else:
-        import tempfile  # and hashlib below: a holder, which is given its path, needs neither
+        import tempfile
 
-        folder = Path(tempfile.gettempdir()) / f"imuscope-{uid}"
+        folder = Path(tempfile.gettempdir(), f"imuscope-{uid}")
     if len(os.fsencode(folder)) > LONGEST:
         raise OSError(f"the path {folder} has more than {LONGEST} bytes; set XDG_RUNTIME_DIR to a shorter one")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -68,7 +73,7 @@ def sockets_of(place: str) -> list[Path]:
     first = socket_of(place)
     if "://" in place:
         return [first]
-    return [first, Path(port_link(place, str(first))), socket_of(os.path.realpath(place))]
+    return [first, first.with_name(os.path.basename(port_link(place, str(first)))), socket_of(os.path.realpath(place))]
 
 
 def log_of(path: str) -> str:
@@ -84,7 +89,8 @@ def failure_of(pid: int) -> str:
 def cause_of_end(path: str, pid: int) -> str:
     """Why the holder with a socket failed; "" if it did not, or is not known."""
     try:
-        lines = Path(log_of(path)).read_text(errors="replace").splitlines()
+        with open(log_of(path), errors="replace") as log:
+            lines = log.read().splitlines()
     except OSError:
         return ""
     head = failure_of(pid)

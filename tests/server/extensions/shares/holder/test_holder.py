@@ -364,7 +364,8 @@ def test_the_holder_imports_nothing_heavy() -> None:
     code = (
         f"import sys, {MODULE}.__main__; from {MODULE}.client_frames import FrameRules; "
         f"[FrameRules.of(*one) for one in {modules!r}]; "
-        "heavy = 'numpy', 'asyncio', 'fastapi', 'ssl', 'hashlib', 'secrets', 'tempfile', 'traceback', 'logging'; "
+        "heavy = 'numpy', 'asyncio', 'fastapi', 'ssl', 'hashlib', 'secrets', 'tempfile', 'traceback', 'logging', "
+        "'typing', 'pathlib', 'urllib', 'socket', 'dataclasses'; "
         "print([name for name in heavy if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
