@@ -78,7 +78,6 @@ class FileContents(Generic[K]):
         return [*records, self.channels[key]]
 
     def count(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
-        """Count messages."""
         self._counts[channel] = self._counts.get(channel, 0) + count
         self._first = first_ns if self._first is None else min(self._first, first_ns)
         self._last = max(self._last, last_ns)

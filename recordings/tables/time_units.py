@@ -77,7 +77,6 @@ class UnitReading:
 
 
 def rate_text(rate: float) -> str:
-    """A rate in words."""
     for size, unit in ((1e9, "GHz"), (1e6, "MHz"), (1e4, "kHz")):
         if rate >= size:
             return f"{rate / (1000 if unit == 'kHz' else size):.4g} {unit}"

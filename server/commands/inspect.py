@@ -129,7 +129,6 @@ class UnclaimedBytes:
             yield line
 
     def words(self) -> str:
-        """A sentence."""
         first = self._first if self._first >= 0 else self._end
         return (
             f"{self.total} of {self._size} bytes belong to no accepted frame and no known message, the first at offset "

@@ -171,7 +171,6 @@ class Sentences:
         return tuple(name for name in names if name not in _RECEIVER or "gnss" in self.run.abilities)
 
     def errors(self, name: str, grade: trajectory.SensorGrade) -> trajectory.SensorErrors:
-        """See signals.OutputSchedule."""
         if name not in self._errors:
             self._errors[name] = trajectory.SensorErrors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
         return self._errors[name]

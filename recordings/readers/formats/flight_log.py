@@ -305,7 +305,6 @@ class FlightLog(TableSource):
             self.damage.append(remark(f"Left out: {', '.join(self.left_out)}."))
 
     def note(self, at: int, words: str) -> None:
-        """Note damage."""
         if len(self.damage) < MOST_DAMAGE:
             self.damage.append(FileDamage(at, words))
 

@@ -177,7 +177,6 @@ def periods_of(factor: float, kind: str, epoch: str) -> tuple[float, ...]:
 
 
 def step_words(step: StepOfClock, name: str) -> str:
-    """A sentence on a step."""
     size = duration_text(abs(step.by_s))
     match step.kind:
         case "back":

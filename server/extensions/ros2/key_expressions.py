@@ -140,7 +140,6 @@ class RosEndpoint:
 
     @property
     def token(self) -> str:
-        """Key expression of its liveliness token."""
         topic = "/".join((mangled(self.topic), mangled(dds_type(self.type)), self.hash, self.qos.text))
         return f"{self.node.token_part(self.number, _KINDS[self.kind])}/{topic}"
 

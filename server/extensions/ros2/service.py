@@ -155,7 +155,6 @@ class Ros2:
         return self._own.ros2
 
     def start(self) -> None:
-        """Start in the background, if configured."""
         if self.is_enabled:
             self._unsubscribe = [self._bus.devices.subscribe(self._on_device)]
             self.process.start()
@@ -310,7 +309,6 @@ class Ros2:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     services.sessions.names.give_topics(services.config.of(Ros2Settings).ros2_names)
     service = Ros2(services.telemetry, services.config, sensors_of, services.sessions.names)
     yield ServicePart("ROS 2", service, service.close, service.start)

@@ -173,7 +173,6 @@ class Ros2Bridge:
         self._watch_router(self._graph.routers)
 
     def close(self) -> None:
-        """Leave the graph."""
         with self._lock:
             for id in list(self._nodes):
                 self._remove(id)

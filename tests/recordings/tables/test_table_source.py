@@ -14,7 +14,7 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers.open_file import open_file
-from imuscope.recordings.library.summary import summarize
+from imuscope.recordings.library.index import summarize
 from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from tests.recordings.store_fixtures import START, store

@@ -126,7 +126,6 @@ class LiveExpression:
 
     @property
     def unit(self) -> str:
-        """Unit of its samples."""
         return str(self.probe.unit)
 
     def feed(self, rows: Mapping[int, Sequence[NDArray[Any]]]) -> Piece:

@@ -50,7 +50,6 @@ class ExpressionSignal:
 
     @property
     def columns(self) -> list[SignalColumn]:
-        """The columns that are read for it."""
         return [column for columns in self.named.values() for column in columns]
 
     @property

@@ -101,12 +101,10 @@ class SignalColumn:
 
     @property
     def device(self) -> str:
-        """Device of the channel."""
         return self.info.device
 
     @property
     def columns(self) -> list[SignalColumn]:
-        """The columns that are read for it."""
         others = [] if self.companions is None else self.companions.columns
         return [self, *(SignalColumn(info, at) for info, at in others)]
 
