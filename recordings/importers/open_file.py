@@ -353,7 +353,7 @@ def _damaged(path: Path, frames: str) -> RecordingError:
 
 
 def _is_no_table(path: Path, head: bytes) -> bool:
-    """Whether the first bytes of a file are of a format that is not read."""
+    """Whether the first bytes of a file are those of an unsupported format."""
     known = known_file(head)
     return known is not None and not (known.may_be_table and is_table(path))
 

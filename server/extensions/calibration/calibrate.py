@@ -30,7 +30,7 @@ SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".h
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """A result, and the device that it is of, in words."""
+    """A result and its device, in words."""
 
     report: CalibrationReport
     device: str
