@@ -5,8 +5,6 @@ Exit status 0, or 1 with one clear line on standard error and no traceback. Heav
 so `--help` and `--version` answer at once.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import errno

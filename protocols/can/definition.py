@@ -8,8 +8,6 @@ that of a device without one of its own, is a line too:
     #CAN {"step_ns": -2000000000}
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

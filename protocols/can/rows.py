@@ -1,7 +1,5 @@
 """A message on a CAN bus, as a row of a table: its identifier, its bytes and the quantity in them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal

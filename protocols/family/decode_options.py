@@ -13,8 +13,6 @@ Until it reaches the family, the value of an option is text: "" if it is not giv
 one name for an option must mean the same by it; the first declaration has the words.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace

@@ -35,8 +35,6 @@ survives any corruption before it.
     STATUS    0: a frame; otherwise an index into REASONS
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -20,8 +20,6 @@ Source: ISB document, "Data Source Update Rates"; inertial-sense-sdk 2.7.1, data
 GRMC_BITS, GRMC_PRESET).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

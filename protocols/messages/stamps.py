@@ -12,8 +12,6 @@ A clock that is not that of the host needs `LEAST` stamps in a row before it is 
 The stamp itself is a column then, so nothing is lost.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -10,8 +10,6 @@ three valid frames are hardly chance. (Xbus has a checksum of one byte: noise co
 those of its frames count that come from the device itself, bus identifier FF, with a known message: one in some 50 MB.)
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -17,8 +17,6 @@ here (MTi-8, MTi-320, Avior, Sirius) everything is offered, the form says so, an
 Source: MT0101P 2020.A, Introduction and the product rows of 5.3; names of newer products from the vendor's public code.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

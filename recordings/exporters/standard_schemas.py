@@ -9,8 +9,6 @@ attitude and position channels, so that all views agree. Foxglove's SDK encodes 
 module, which is imported only where they are needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

@@ -14,8 +14,6 @@ ends when the file was last written.
 Source: for each format, see its module.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path

@@ -4,8 +4,6 @@ A table that leaves something open is shown all the same, with the question (`Am
 rows as far as they are known, and the rate for each unit that its times can have.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Priorities of processes: lower for those in the background, real time for the one that live devices wait for."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 

@@ -1,7 +1,5 @@
 """Clock of a table, and the questions that a table leaves open."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -9,8 +9,6 @@
 20260101_103025010000      packed; hhmmss.sss of GNSS programs is `packed_clock`
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta

@@ -6,8 +6,6 @@ sep=,                            names the separator (Excel, Xsens DOT)
 1500000000000000000,0.0,…        first row
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

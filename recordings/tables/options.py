@@ -14,8 +14,6 @@ A sidecar of a recording (recordings/sidecar.py) stores them; options of a comma
     {"clock": "arrival"}                           bytes and messages of devices: their arrival, not their own time
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

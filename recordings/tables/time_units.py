@@ -9,8 +9,6 @@ Columns of an accelerometer or gyroscope exclude what no such sensor does. Where
 taken: the caller asks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

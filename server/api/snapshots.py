@@ -1,7 +1,5 @@
 """Snapshots of a device, by serial number, and comparisons between them, devices, files and the factory."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from typing import Annotated, Literal

@@ -7,8 +7,6 @@
 The rule is the same for all families: a product is its leading letters and the first number after them.
 """
 
-from __future__ import annotations
-
 import re
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z ]*-(?:[A-Za-z]-)?\d+[A-Za-z]*")

@@ -16,8 +16,6 @@ A list of records with a key (Field.key_mask), such as an output configuration o
 records are compared by quantity, in any order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches

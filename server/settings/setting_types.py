@@ -6,8 +6,6 @@
 Errors and the table of the guide take their words from here.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass

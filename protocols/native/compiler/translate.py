@@ -7,8 +7,6 @@ number, tuples, `if`, `while`, `for … in range(…)`, calls of other kernels a
 A function without a signature (`inlined`) is translated once for each combination of types that it is called with.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

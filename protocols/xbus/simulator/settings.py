@@ -10,8 +10,6 @@ message".
 Source: MT0101P 2020.A; sizes of the answers from the vendor's public code.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Mapping

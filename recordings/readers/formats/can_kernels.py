@@ -8,8 +8,6 @@
 Source: can-utils, candump.c and lib.c; Vector, "CAN ASC Logging Files Format Description".
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.protocols.arrays import Array, Bytes, Ints

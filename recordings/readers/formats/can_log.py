@@ -13,8 +13,6 @@ Where it goes back by more than a millisecond the arrival continues, and the ste
 device without a clock of its own; a device that has one is not affected.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime

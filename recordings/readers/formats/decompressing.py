@@ -3,8 +3,6 @@
 pyarrow brings all compressions that files of recordings have, as streams.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import weakref

@@ -9,8 +9,6 @@ compared with itself, in the order of the file. The axis goes on soon after the 
 The log times of messages are such a clock as well: `LogTimes` continues them, block by block.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 

@@ -2,8 +2,6 @@
 seconds beside parts of them.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Names of columns with times: conventions of programs, as data, and what such a heading says."""
 
-from __future__ import annotations
-
 import functools
 import re
 

@@ -1,7 +1,5 @@
 """`imuscope calibrate FILE KIND`: calibrate a sensor with a stretch of any file that `decode` reads."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

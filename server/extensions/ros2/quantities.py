@@ -6,8 +6,6 @@ velocity against the earth before one in body axes. A magnetic field in arbitrar
 reason instead of a place.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """`imuscope analyse FILE NAME --signal …`: figures of signals of any file that `decode` reads."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

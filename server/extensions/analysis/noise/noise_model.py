@@ -12,8 +12,6 @@ Source: IEEE Std 952-1997, annex C. The squares are fitted without negative valu
 weights of the relative variance 2/ν of a deviation of ν degrees of freedom.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

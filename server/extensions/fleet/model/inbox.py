@@ -3,8 +3,6 @@
 Messages that do not fit are dropped and counted; the receiver notices by the numbers of the stream.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

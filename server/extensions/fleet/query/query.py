@@ -5,8 +5,6 @@ from an Arrow dataset (delta_dataset.py). It requests the columns and rows that 
 question needs; nothing is copied into a database. SQL has no access to files, the network or DuckDB's settings.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import threading

@@ -13,8 +13,6 @@ Nothing here trusts the bus: whatever does not decode, belongs to a run that is 
 counted and ignored.
 """
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections import Counter
