@@ -9,8 +9,6 @@ the name of its entry-point group: `imuscope.protocols` for version 1, `imuscope
 A name is imported when it is used, so that a protocol family loads nothing of the server.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 from importlib import import_module

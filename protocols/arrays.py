@@ -1,7 +1,5 @@
 """Types of arrays that the decoders share."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

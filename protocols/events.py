@@ -13,8 +13,6 @@ Content never raises, and the events do not depend on how the bytes were cut int
 may: a batch holds the result of one drain).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable

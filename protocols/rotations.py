@@ -16,8 +16,6 @@ scene, which turns its objects one by one).
 Source: MT low-level protocol MT0101P 2020.A, sections 8.5 and 8.6; the page's web/src/data/rotations.ts does the same.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import TypeVar

@@ -20,8 +20,6 @@ interval later. `BLIND_BYTES` in a row without any clock are played at `BLIND_RA
 Pure: no thread, no clock, no sleep. Memory is bounded by one block and one undecided stretch.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Errors that a user can do something about: a failing disk, a file of a later version."""
 
-from __future__ import annotations
-
 import errno
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The name is the recording's id. External text (a device's name) is reduced to le
 never a path; a name in use gets a number.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import unicodedata

@@ -3,8 +3,6 @@
 An extra of pyproject.toml names them by distribution, this table by the module that is imported.
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 EXTRAS = {

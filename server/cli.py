@@ -5,8 +5,6 @@ Exit status 0, or 1 with one clear line on standard error and no traceback. Heav
 so `--help` and `--version` answer at once.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import errno
@@ -62,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         reads_file = options.command in OF_FILES if own is None else own.reads_file
         with ending_by_exception() if reads_file else contextlib.nullcontext():
             if options.command not in ("serve", "doctor") and getattr(options, "data", None) is not None:
-                load(data=options.data)  # an error, where it is none, also of commands that hardly need it
+                load(data=options.data)  # an invalid folder is an error even of commands that hardly need it
             status = (_RUN[options.command] if own is None else own.run)(options) or 0
         sys.stdout.flush()
         return status

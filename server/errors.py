@@ -10,8 +10,6 @@ tests/rules/test_errors.py collects all errors in the source and compares them w
 To add a kind, add a row; first check that no existing kind means the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ in a checkout. A wheel and a source distribution that were built in a checkout h
 (web/build.py, which runs this file for it: nothing but the standard library is imported here).
 """
 
-from __future__ import annotations
-
 import subprocess
 import tomllib
 from importlib import metadata

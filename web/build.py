@@ -27,8 +27,6 @@ PIP_CERT when it is not set. A registry other than the public one is npm's own a
 file names none.
 """
 
-from __future__ import annotations
-
 import argparse
 import compileall
 import hashlib

@@ -1,7 +1,5 @@
 """CAN frames as a protocol: a stream that files have, and that is never searched for in the bytes of a port."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

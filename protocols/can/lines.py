@@ -9,8 +9,6 @@
 Source: can-utils, lib.h (the "logfile" format of sprint_canframe) and candump(1); linux/can.h (flags of an identifier).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.protocols.arrays import Bytes, Ints

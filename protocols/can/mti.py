@@ -18,8 +18,6 @@ They differ in three points:
 source says what their bytes are, so they are left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A message on a CAN bus, as a row of a table: its identifier, its bytes and the quantity in them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -44,7 +42,7 @@ class CanRow:
 
     @property
     def name(self) -> str:
-        """Of the message, which is that of its quantity."""
+        """Name of the message, which is that of its quantity."""
         return self.field.name
 
     def column(self, payloads: Payloads) -> Array:

@@ -9,8 +9,6 @@ by their length, and as far as their content says more than that (a quaternion h
 everything else that is concluded here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 

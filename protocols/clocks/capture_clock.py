@@ -11,8 +11,6 @@ new offset is found only where the clock steps and the arrivals do not follow.
 Two captures of one device can thus be overlaid; two devices in one capture have an offset each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

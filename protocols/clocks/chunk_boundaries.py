@@ -13,8 +13,6 @@ before it was sent: the earlier of the two estimates is the better (clock_model.
 Source: FTDI, AN232B-04 "Data Throughput, Latency and Handshaking", section 3.2.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Iterable
 

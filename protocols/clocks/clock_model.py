@@ -44,8 +44,6 @@ at once) looks like an offset. `uncertainty` estimates ± how much of that could
 Rules for editing: all times are int64 ns outside and float64 ns relative to the first row inside (exact for 100 days).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from itertools import pairwise
 

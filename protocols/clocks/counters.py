@@ -6,8 +6,6 @@
 Both see only the numbers. clock_sync.py maps device time to the host's clock.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Date and time of day as nanoseconds since the Unix epoch."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -25,8 +25,6 @@ themselves: the greatest gap among the smaller ones, as in a poll grid that beat
 Source: FTDI, AN232B-04 "Data Throughput, Latency and Handshaking", sections 3.2 and 3.3.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 

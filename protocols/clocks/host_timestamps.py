@@ -4,8 +4,6 @@ A stamp that goes back a little (messages that overtook each other) repeats the 
 that a page has drawn never decrease. The decoder has left out stamps of another clock (protocols/messages/decoder.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

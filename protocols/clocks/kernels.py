@@ -4,8 +4,6 @@ A live drain has some dozen rows, for which numpy needs a microsecond and more p
 of them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

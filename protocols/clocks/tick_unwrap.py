@@ -13,8 +13,6 @@ the turns so far:
 With arrival times, `near` is the time elapsed at the host, so that an outage is not a jump.
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.native.kernels import FLAG, INT, INTS, TABLE, compiled
 

@@ -1,7 +1,5 @@
 """Protocol interface for composing frames from words or JSON; see server/commands/compose.py."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Mounting of a sensor as its devices store it: a rotation from the sensor's axes to those of the vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ An entry of the list names its quantity by a number, the key, and has a rate:
     rate      in Hz; or a divisor of the quantity's own rate, if the table has `interval`
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 

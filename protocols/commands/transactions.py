@@ -23,8 +23,6 @@ another (`RequiresState`): some commands make sense only while the device measur
 `DeviceDriver` is a protocol's knowledge about configuring its devices; protocols/registry/families.py has one for each.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -9,8 +9,6 @@ here, by at most ubx.LONGEST bytes, and never a frame of the stream's own protoc
 search.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

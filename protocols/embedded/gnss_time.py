@@ -11,8 +11,6 @@ continued. Sources: NMEA 0183; u-blox F9 HPG 1.32 interface description, 3.15; I
 (leap seconds).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime

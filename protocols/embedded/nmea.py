@@ -19,8 +19,6 @@ Rules for editing: a new sentence is a row in `SENTENCES`. `dtype` "f8" is a num
 XSVEL mixes 3 and 4 decimals).
 """
 
-from __future__ import annotations
-
 import datetime
 import functools
 import math

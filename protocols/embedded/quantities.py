@@ -18,8 +18,6 @@ Rules for editing: a new quantity is a row of `TOGETHER` (several numbers) or `A
 Sources: MT0101P 2020.A, 5.3.5; NMEA 0183 names as pynmeagps spells them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence

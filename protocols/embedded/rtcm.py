@@ -13,8 +13,6 @@ and counted.
 Source: RTCM 10403.3, section 4 (transport layer) and table 3.5-1 (messages).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -12,8 +12,6 @@ A length beyond LONGEST is rejected: the search continues after the two sync cha
 Source: u-blox F9 HPG 1.32 Interface Description (UBX-22008968), 3.2 and 3.8; names of other generations from pyubx2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Final, Literal
 

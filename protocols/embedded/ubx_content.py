@@ -11,8 +11,6 @@ Its fields are numbered by the samples: gyroX_01, gyroX_02. The tag counts ticks
 documented: it is a column, and all samples of a message have the time of the message.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import struct

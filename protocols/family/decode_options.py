@@ -13,8 +13,6 @@ Until it reaches the family, the value of an option is text: "" if it is not giv
 one name for an option must mean the same by it; the first declaration has the words.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -148,7 +146,7 @@ def merged(options: Iterable[DecodeOption]) -> dict[str, DecodeOption]:
     """Options of several families by name: choices and scopes of those with one name are added up.
 
     Raises:
-        ValueError: two have one name and are of different kinds.
+        ValueError: two have the same name but different kinds.
     """
     by_name: dict[str, DecodeOption] = {}
     for option in options:

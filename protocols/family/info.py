@@ -5,8 +5,6 @@ title, `likeness`, `listing`, `sample` and `scan` of its frames, and its decoder
 device; the other members are optional features. docs/add-a-protocol-family.md explains how to write one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol

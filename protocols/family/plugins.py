@@ -9,8 +9,6 @@ installation is older than that file, or that was never installed, they are read
 Finding them imports none of them, so that names for help and completion cost nothing.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib.util
 import logging

@@ -9,8 +9,6 @@ A family fulfils each rule or says why the rule does not apply to it (PageWords.
 the ladder of every installed family.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Properties of a product's sensors that its messages do not contain."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

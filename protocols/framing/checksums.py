@@ -19,8 +19,6 @@ per place the lookups are independent of each other, so a processor runs them in
 and 16 bytes a step over a frame ("slicing by 16") at 3.5 GB/s, measured.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

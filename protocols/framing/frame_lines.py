@@ -4,8 +4,6 @@ Each line has `offset` and `size`; then either `reject`, or `protocol`, `id`, `m
 the family's json_codec.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 

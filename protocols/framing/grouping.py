@@ -8,8 +8,6 @@ the frame's key, and a hash table finds the group of a key in a few nanoseconds,
     bounds  0       3     5     group g is order[bounds[g] : bounds[g + 1]]
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.protocols.arrays import Ints

@@ -35,8 +35,6 @@ survives any corruption before it.
     STATUS    0: a frame; otherwise an index into REASONS
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -141,7 +139,7 @@ class StreamBuffer:
 
     @property
     def arrived_at_once(self) -> bool:
-        """Whether all bytes kept are of one chunk."""
+        """Whether all buffered bytes came in one chunk."""
         return len(self._arrivals) == 2
 
     def same_arrivals(self, n: int) -> Ints:

@@ -8,8 +8,6 @@ Both a decoder (columns) and a listing (one line a frame) build on this. Other m
 frames; one that is cut by the end of the data waits for its rest without delaying the frames after it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

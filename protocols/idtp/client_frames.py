@@ -3,8 +3,6 @@
 Source: IDTP v2.1.0, section 3.
 """
 
-from __future__ import annotations
-
 PREAMBLE = b"IDTP"
 HEADER = 20
 MAX_PAYLOAD = 972

@@ -10,8 +10,6 @@ the protection; a Secure frame needs the source's key. The protocol has neither 
 Source: IDTP v2.1.0, sections 4.3 to 4.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -26,8 +26,6 @@ A message must not have the name of a standard type, nor a field that of a heade
 gaps, in file order. An error names message, field, the given value and the allowed ones.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import re

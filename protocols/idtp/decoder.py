@@ -21,8 +21,6 @@ Notices for the user (a newer version, payloads of an unexpected length, a succe
 Source: IDTP v2.1.0, with its errata.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise

@@ -5,8 +5,6 @@ This one composes and sends frames of any type, in any mode.
 Source: IDTP v2.1.0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """IDTP as a family: the only object of this folder that other folders use."""
 
-from __future__ import annotations
-
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any

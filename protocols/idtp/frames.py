@@ -32,8 +32,6 @@ ahead only, so that a stream of forgeries costs little more than a stream of goo
 Source: IDTP v2.1.0, sections 3 to 6, with its errata 1 to 5 and 7.
 """
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 import struct

@@ -13,8 +13,6 @@ The list (protocols/framing/frame_lines.py) has every accepted frame, and every 
     not_unit            a quaternion that is not a rotation
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from typing import Any

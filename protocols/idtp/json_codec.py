@@ -15,8 +15,6 @@ and checksums follow from the rest; an HMAC is made again with the key.
 Source: IDTP v2.1.0, sections 4.1 and 4.5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

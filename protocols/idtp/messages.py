@@ -14,8 +14,6 @@ adds STATUS to them, its findings on each frame, as flags.
 Source: IDTP v2.1.0, sections 4.5.1 to 4.5.3; Imu6, Imu9 and Imu10 have the units of the three-axis types (erratum 10).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Decode options of IDTP: a key, the weakest mode, and properties of a device that its frames do not state."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

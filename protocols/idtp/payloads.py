@@ -11,8 +11,6 @@ marked, and NaN in its column, so that no attitude is drawn from it. (`imuscope 
 Source: IDTP v2.1.0, section 4.5, with its errata 2, 8, 10 and 11.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Literal

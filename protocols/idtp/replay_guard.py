@@ -33,8 +33,6 @@ is not judged.
 Source: IDTP v2.1.0, section 6.1, with its erratum 6.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from mmap import mmap

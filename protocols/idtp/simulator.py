@@ -12,8 +12,6 @@ the body to ENU.
 Source: IDTP v2.1.0.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence

@@ -8,8 +8,6 @@ from one into the next, so each is searched on its own, and an incomplete frame 
 that are full of frames, as nearly all are, give the same result when searched together, and small batches become few.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace

@@ -8,8 +8,6 @@ by a link before it was opened arrives at once, in the first stretch.
 Source: IDTP v2.1.0, section 4.1, with its erratum 9.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

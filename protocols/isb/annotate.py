@@ -6,8 +6,6 @@
 Source: ISB document, "ISB packet"; NMEA 0183.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from imuscope.protocols.commands.transactions import ByteRange

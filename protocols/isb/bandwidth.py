@@ -14,8 +14,6 @@ at least once in `SLOWEST_MS`.
 Source: ISB document, "ISB packet", "Data source update rates".
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -14,8 +14,6 @@ the number of list elements in use. Rare sets (device information, configuration
 read one by one.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -17,8 +17,6 @@ stored data set is a row of stored_settings.py.
 Source: ISB document; NMEA document of the same maker, "NMEA input messages"; inertial-sense-sdk 2.7.1, data_sets.h.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t, gpx_flash_cfg_t 
 source update rates", "Stop broadcasts".
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any

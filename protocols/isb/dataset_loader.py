@@ -14,8 +14,6 @@ Units: `unit=rad>°` means radians on the wire and degrees on display; CONVERSIO
 constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name labels the lanes.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass, field, replace

@@ -16,8 +16,6 @@ EVB, 120 of a GPX). time_base.py computes the time.
 Source: ISB document; inertial-sense-sdk 2.7.1.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -5,8 +5,6 @@
 Source: inertial-sense-sdk 2.7.1, data_sets.h, dev_info_t.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -19,8 +19,6 @@ All of this is from the document; the times are the usual ones of a serial line 
 Source: ISB document, "Communication"; inertial-sense-sdk 2.7.1, ISComm.h and com_manager.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace

@@ -12,8 +12,6 @@ the path of the field.
 Source: ISB document, "ISB packet with data offset"; NMEA document of the same maker, "ASCE".
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping, Sequence
 from typing import Any

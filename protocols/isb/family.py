@@ -1,7 +1,5 @@
 """Inertial Sense as a family: the only object of this folder that other folders use."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from math import radians, sqrt

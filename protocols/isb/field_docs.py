@@ -16,8 +16,6 @@ of physics if they give none; a wrong note is worse than none.
 Source: Inertial Sense user manual, "Data Sets (DIDs)", "System configuration"; inertial-sense-sdk 2.7.1, data_sets.h.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

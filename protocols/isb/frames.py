@@ -26,8 +26,6 @@ After any failure the search resumes one byte later: a decoder that skips a fals
 Source: Inertial Sense binary protocol, "ISB Packet"; inertial-sense-sdk 2.7.1, ISComm.h; the limits are its parser's.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping
 

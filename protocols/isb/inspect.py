@@ -11,8 +11,6 @@ decoded:
 In the list (protocols/framing/frame_lines.py) structures follow the firmware version in an earlier device information.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 

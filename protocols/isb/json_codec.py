@@ -19,8 +19,6 @@ whole elements.
     flags          bits of the header's high nibble other than "with offset"
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any

@@ -21,8 +21,6 @@ the bytes between are reported as damage.
 Source: inertial-sense-sdk 2.7.1, data_chunk.h, DeviceLogSerial, DeviceLogRaw.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Collection, Iterator

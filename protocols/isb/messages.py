@@ -20,8 +20,6 @@ and is called SET_DID_….
 Source: inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h; ISB document.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache

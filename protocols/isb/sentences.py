@@ -9,8 +9,6 @@ pynmeagps.
 Source: inertial-sense-sdk 2.7.1, protocol_nmea.cpp; Inertial Sense user manual, "NMEA 0183 (ASCII) protocol".
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.schema.fields import Field, Message
 
 SOURCE = "inertial-sense-sdk 2.7.1, protocol_nmea.cpp"

@@ -8,8 +8,6 @@ Rules for editing: a stored data set is a row of `STORED`; field_docs.py explain
 Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache

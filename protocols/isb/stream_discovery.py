@@ -19,8 +19,6 @@ values.
 Source: ISB document, "Realtime Message Controller", "Data source update rates".
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -27,8 +27,6 @@ Source: ISB document, "Data source update rates", "Persistent Messages", "Get Da
 inertial-sense-sdk 2.7.1, com_manager.cpp, getDataRequest.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress

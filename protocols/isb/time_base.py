@@ -27,8 +27,6 @@ GPS time is ahead of UTC by the leap seconds since 1980. The table is of LEAP_SE
 show as one second too much. Source: IERS Bulletin C; GPS week and epoch: IS-GPS-200, 3.3.4.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.protocols.arrays import Bytes

@@ -14,8 +14,6 @@ Source: OMG DDSI-RTPS 2.5, 10.2 (encapsulation); OMG DDS-XTYPES 1.3, 7.4 (plain 
 "msg" (field types and their serialization).
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field

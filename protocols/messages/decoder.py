@@ -13,8 +13,6 @@ Where they are not, the stamp is a column of its own, and `remarks` says so.
 If a channel's sequence numbers count the messages of its publisher, numbers that are missing are lost messages.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 

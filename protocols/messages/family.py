@@ -2,8 +2,6 @@
 simulated, and it is never searched for in the bytes of a port.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Their schema (recordings/exporters/topics.py) has the title of the quantity, and
 So the messages of another imuscope are the same quantities again.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass

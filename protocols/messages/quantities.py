@@ -17,8 +17,6 @@ Such a quantity is absent.
 Source: ROS REP 103 (units, axes), REP 145 (sensor_msgs/Imu), definitions of sensor_msgs and geometry_msgs.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass

@@ -11,8 +11,6 @@ message that is logged has its arrival beside it, so a reader ignores the log ti
 Source: MCAP specification, "Records", mcap.dev/spec.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterator, Mapping

@@ -7,8 +7,6 @@ account for: the score, between 0 and 1, and `reason`, the same in words for the
     "14 frames of Xbus (MTData2) in 1 022 of 1 024 B"
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass

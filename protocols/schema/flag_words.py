@@ -10,8 +10,6 @@ case-insensitive; the end of the vendor's constant is sufficient. Flags and grou
 in the table are refused with a list of valid ones: a wrong bit is another port, or another pin.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Sequence
 

@@ -1,7 +1,5 @@
 """Wire values as what JSON can hold, for all protocols: bytes as hex, flag words by the names of their set bits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 

@@ -5,8 +5,6 @@ converted: capitals and digits with underscores, or a single plain English word 
 PIMU, DID_INS_1, kRun) stay. Identifiers of devices as on their labels.
 """
 
-from __future__ import annotations
-
 import re
 
 _UPPER_CASE = """

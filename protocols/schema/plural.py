@@ -1,7 +1,5 @@
 """Counts with their nouns: the only place with the language's plural forms."""
 
-from __future__ import annotations
-
 
 def plural(count: int, one: str, many: str = "") -> str:
     """Noun form for a count: "gap" for 1, "gaps" for 2."""

@@ -6,8 +6,6 @@ A field whose meaning depends on another one of its record (schema.Meaning) has 
 signed meaning of an unsigned word is its two's complement. Names, flags, texts and opaque bytes are the same in both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

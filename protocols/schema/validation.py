@@ -11,8 +11,6 @@ shows all problems at once, each at its field; other callers get the first as an
 Paths: names and list indexes joined by dots, "outputs.3.output_frequency".
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ The options common to all simulated devices (rate, drop, drift_ppm …) are thos
 the server; a family adds its own as rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol

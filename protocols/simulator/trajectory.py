@@ -28,8 +28,6 @@ Rules for editing: this module is independent of protocols and products; ranges,
 the simulators.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -14,8 +14,6 @@ The spans of a frame cover it without overlap, in order. Anything other than a f
 Source: MT0101P 2020.A, 5.1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

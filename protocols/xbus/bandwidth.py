@@ -16,8 +16,6 @@ A device that sends sentences instead is counted with the longest usual form of 
 Source: MT0101P 2020.A, 5.1, 5.3.5 and 5.3.6.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -17,8 +17,6 @@ happen. The others of a row may be in other stretches (`Em1000Row`): a device th
 frames, loses only the first two, which count as bytes that belong to no message.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from bisect import bisect_right

@@ -14,8 +14,6 @@ Rules for editing: a row holds no code; a field's range belongs to messages.py, 
 Source: MT0101P 2020.A, 5.3.1 to 5.3.7, tables 8, 11, 12 and 30; time-outs as in the vendor's own software.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache

@@ -3,8 +3,6 @@
 Source: MT0101P 2020.A, 4.2 and 7.1 (defaults), 5.3.3 and 5.3.5 (what acts on the line); tables 7 and 22.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any

@@ -19,8 +19,6 @@ own software.
 Source: MT0101P 2020.A, section 5.3.5 (Tables 16 and 17) and section 5.3.6, with its errata.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

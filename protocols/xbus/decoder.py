@@ -37,8 +37,6 @@ line's own device (which may be addressed as 1 or as 255).
 Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator

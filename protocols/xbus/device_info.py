@@ -4,8 +4,6 @@ Source: MT0101P 2020.A, 5.3.1 and 5.3.2; the reserved bytes of Configuration are
 a long identifier from the vendor's public code.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -14,8 +14,6 @@ A device on a shared line is addressed by its bus identifier (`DeviceContext.dev
 Source: MT0101P 2020.A; the entry that means no CAN outputs from the vendor's public code.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar

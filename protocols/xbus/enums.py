@@ -6,8 +6,6 @@ here, and a doc that says the document does not list them.
 Source: MT0101P 2020.A, the table named at each entry, with its errata.
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.schema.fields import Bits
 
 # -- enumerations ------------------------------------------------------------------------------------------------------

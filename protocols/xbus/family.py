@@ -1,7 +1,5 @@
 """Xbus as a family: the only object of this folder that other folders use."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -21,8 +21,6 @@ of each frame, because these make sense in stream order only, across layouts.
 Source: MT0101P 2020.A sections 5.1 and 5.3.6; the limits are explained in its errata (accept 8185, send 2048).
 """
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -7,8 +7,6 @@ In the list (protocols/framing/frame_lines.py) an MTData2 frame whose last item 
 and the bad item follows as a reject.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 from imuscope.protocols.events import RejectedFrame

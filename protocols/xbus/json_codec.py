@@ -22,8 +22,6 @@ and matrices as flat lists, records as objects, opaque bytes as hex. A float tha
 Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

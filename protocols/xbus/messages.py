@@ -22,8 +22,6 @@ not in the document; they are known from the devices' own software.
 Source: MT0101P 2020.A, sections 5.3.1-5.3.7 and 8, with its errata.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal

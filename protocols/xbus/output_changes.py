@@ -11,8 +11,6 @@ damaged line.
 Source: MT0101P 2020.A, 5.3.1, 5.3.4 and 5.3.5.
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.events import Reply
 from imuscope.protocols.xbus.enums import SEND_LATEST
 

@@ -19,8 +19,6 @@ captures. The high rate of a 1-series device depends on its hardware: 800 Hz fro
 600-series' RateOfTurnHR is 2000 Hz from 2.0 on.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ allow, a duplicate output, a quaternion that is not a rotation.
 Source: MT0101P 2020.A, 5.3.3 to 5.3.7.
 """
 
-from __future__ import annotations
-
 import math
 from calendar import monthrange
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -17,8 +17,6 @@ here (MTi-8, MTi-320, Avior, Sirius) everything is offered, the form says so, an
 Source: MT0101P 2020.A, Introduction and the product rows of 5.3; names of newer products from the vendor's public code.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -38,7 +36,7 @@ class Model:
         number: as in the document's product rows (710 for the MTi-G-710, 680 for the MTi-680G).
         series: 1, 10, 100 or 600; the MTi-G-710 belongs to the 100-series.
         early: its hardware is older than version 2.0.
-        late: its hardware is of version 2.0 or newer.
+        late: its hardware has version 2.0 or newer.
     """
 
     name: str

@@ -17,8 +17,6 @@ an empty acknowledgement, and one for an alignment only its own.
 Source: MT0101P 2020.A, 5.2 and 5.3.1; that some devices answer only after Reset is known from their users.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any

@@ -8,8 +8,6 @@ does not depend on how the stream was cut:
     clock   the best clock seen in the stream so far; a message with a worse one, or none, has no device time
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.native.kernels import BYTES, FOUR, INT, INTS, TABLE, compiled
 from imuscope.protocols.xbus.frames import COARSE, FINE, FIX, GNSS, NO_FIX, NO_GNSS, UTC_AT

@@ -10,8 +10,6 @@ end of the data waits for its rest. A string is accepted once the sentences up t
 which have checksums, overlaps it (a TSS2 string in the words of a sentence is not a string).
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 
 import numpy as np

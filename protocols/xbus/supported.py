@@ -1,7 +1,5 @@
 """Supported products and data of the MTi, for the documentation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from imuscope.protocols.family.info import SupportTable

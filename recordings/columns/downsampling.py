@@ -16,8 +16,6 @@ by a factor of four: a query reads at most four times what it needs.
 Every column begins at a multiple of 64 bytes; its offset follows from the number of rows and the columns before it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -10,8 +10,6 @@ samples in that second, and the delay of the latest hundredth of them against th
 second add up; of the other values the last or the worst counts. An hour of five messages is 750 kB.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -6,8 +6,6 @@
 A column store holds numbers of one width; payloads of one kind may differ in length from frame to frame.
 """
 
-from __future__ import annotations
-
 import mmap
 from collections.abc import Sequence
 from pathlib import Path

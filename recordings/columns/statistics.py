@@ -8,8 +8,6 @@ round, add up to zero; σ is the standard deviation (n − 1) of those. The page
 (web/src/data/statistics.ts, which explains more).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -7,8 +7,6 @@ A writer holds some thousand rows at a time, whatever the length. `export` write
 files when all are complete, so that an aborted export leaves nothing behind.
 """
 
-from __future__ import annotations
-
 import errno
 import secrets
 import shutil

@@ -12,8 +12,6 @@ for the line's sample, and its UTC if known; the clocks of the other channels ar
 A line that begins with # is skipped by pandas with `comment="#"`.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

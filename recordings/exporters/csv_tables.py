@@ -8,8 +8,6 @@ which the device sent nothing is empty. Times are unix seconds. Units are those 
 Undescribed payloads are hex digits.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ longitude of a solution, metres north, east and down of its own local frame. Eve
 that carries the unit.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

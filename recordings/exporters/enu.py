@@ -11,8 +11,6 @@
 Source: WGS 84; NIMA TR8350.2, 3rd edition, table 3.1 (a, 1/f).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

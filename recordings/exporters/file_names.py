@@ -1,7 +1,5 @@
 """Files of exports that have one for each message: OUT's stem, the device where there are several, the message."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -13,8 +13,6 @@ device's own clock for each row, and its UTC if known.
 Memory: `windows` cuts the channels at common times so that about 65 536 rows of each are held at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

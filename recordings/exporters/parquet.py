@@ -9,8 +9,6 @@ metadata the recording, device and message. Undescribed payloads are binary.
     table.schema.field("Acceleration.x").metadata[b"unit"].decode()    # m/s²
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyarrow.parquet as pq

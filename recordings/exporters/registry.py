@@ -4,8 +4,6 @@ Each file of `recordings/exporters/formats/` registers its formats when it is im
 the entry-point group `imuscope.exporters` of another package. docs/add-an-exporter.md explains how to write one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Export request: a range of some channels of an opened recording."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ attitude and position channels, so that all views agree. Foxglove's SDK encodes 
 module, which is imported only where they are needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -78,7 +76,7 @@ def fixes(
 
 
 def heights(height_times: Times, values: Array, times: Times) -> Array:
-    """Heights from a channel of their own: of the same moment, else the last before; 0 if there are none.
+    """Heights from a separate channel: at the same time, else the last one before; 0 if there are none.
 
     Args:
         height_times, values: (m,) their times, ns, and heights, m.

@@ -1,7 +1,5 @@
 """Bytes of a known protocol that no checksum confirms: frames with a wrong one, and sentences without any."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 

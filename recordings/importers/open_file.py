@@ -14,8 +14,6 @@ ends when the file was last written.
 Source: for each format, see its module.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
@@ -353,7 +351,7 @@ def _damaged(path: Path, frames: str) -> RecordingError:
 
 
 def _is_no_table(path: Path, head: bytes) -> bool:
-    """Whether the first bytes of a file are of a format that is not read."""
+    """Whether the first bytes of a file are those of an unsupported format."""
     known = known_file(head)
     return known is not None and not (known.may_be_table and is_table(path))
 

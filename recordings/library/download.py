@@ -9,8 +9,6 @@ what a reader opens       unchanged (recordings/readers/)
 Recordings without changes are passed on byte for byte.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import struct

@@ -1,7 +1,5 @@
 """One recording in the list of the library."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files of the library: grouped by recording, named, with the files that belong to them."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -6,8 +6,6 @@ It is valid as long as the file and the choices on how it is read stay the same.
 until this one has opened the file.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Callable, Collection

@@ -16,8 +16,6 @@ up in the list, and the name of an upload is cleaned.
 Threads may share a Library; its methods wait for the disk.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

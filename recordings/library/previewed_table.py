@@ -1,7 +1,5 @@
 """A table as it will be read, for the page. recordings/library/table_preview.py makes it from a file."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

@@ -5,8 +5,6 @@ being recorded, or was truncated). Logs: the start comes from the name, or from 
 Other captures: the first kilobytes give the protocol; the duration is known after opening.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Metadata of files that another process has read, until the files change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

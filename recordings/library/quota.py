@@ -7,8 +7,6 @@
 Recordings in the bin go before kept ones, although they could be restored for 7 days.
 """
 
-from __future__ import annotations
-
 import logging
 import shutil
 from collections.abc import Callable, Collection

@@ -1,7 +1,5 @@
 """Metadata of a recording before it is decoded. recordings/library/probe.py reads it from the file."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from imuscope.recordings import sidecar

@@ -5,8 +5,6 @@
 The choices for a heading that was used last come last. A table without a heading is not remembered.
 """
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Sequence

@@ -7,8 +7,6 @@ Computed from the columns' summaries, so it costs the same at any length. In a s
 by those of its components: the picture may be slightly too wide, never too narrow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any

@@ -4,8 +4,6 @@ A table that leaves something open is shown all the same, with the question (`Am
 rows as far as they are known, and the rate for each unit that its times can have.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +27,7 @@ FIRST_ROWS = 8
 
 
 def table_of(source: Source) -> CsvSource | None:
-    """The table of a source, the first of an archive; None if it is none."""
+    """The table of a source, the first of an archive; None if it is not one."""
     if isinstance(source, TableSource) and source.members:
         return table_of(source.members[0])
     return source if isinstance(source, CsvSource) else None
@@ -50,7 +48,7 @@ def question_of(path: Path) -> TableQuestion | None:
 
 
 def heading_of(path: Path) -> list[str]:
-    """Heading of the table at `path`; [] if it is none, or cannot be opened."""
+    """Heading of the table at `path`; [] if it is not a table, or cannot be opened."""
     try:
         table = table_of(open_file(path))
     except (OSError, RecordingError):

@@ -13,8 +13,6 @@ here. So it runs at the speed of the compression, in little memory.
 Source: MCAP specification, "Chunk", "Message Index", "Summary Section".
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator, Mapping

@@ -7,8 +7,6 @@ disk and holds the same messages, byte for byte. A file that is being written is
 damaged anywhere but at its torn end: data after the damage must not be lost.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

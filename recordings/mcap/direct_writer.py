@@ -3,8 +3,6 @@
 It runs in the thread of a recording's writer, and ends at least once a second, or when something else is to be written.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -3,8 +3,6 @@
 Source: MCAP specification, "Records".
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.native.kernels import BYTES, FOUR, INT, TABLE, compiled
 

@@ -20,8 +20,6 @@ that follows the predecessor's last.
 When the disk fails the recording ends by itself: `error` gives the cause; data written until then is kept.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import threading

@@ -6,8 +6,6 @@
 The arrival of a message is its log time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

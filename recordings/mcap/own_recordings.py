@@ -3,8 +3,6 @@
 Only heads of records are examined, a few bytes each, so this is safe in the server's process for any file.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 from pathlib import Path

@@ -9,8 +9,6 @@ Messages are written thousands of times a second, so they are built here in one 
 Source: MCAP specification, "Records", "Summary Section", "Footer".
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Hashable, Iterable, Mapping, Sequence

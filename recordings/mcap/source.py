@@ -1,7 +1,5 @@
 """Recordings made by imuscope, as sources."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any

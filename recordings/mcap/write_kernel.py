@@ -7,8 +7,6 @@ A turn of a recording in Python costs thirty times the write itself, which is mu
 Source: MCAP specification, "Message (op=0x05)"; write(2), nanosleep(2).
 """
 
-from __future__ import annotations
-
 import time
 
 from imuscope.protocols.arrays import Array, Ints

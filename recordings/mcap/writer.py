@@ -38,8 +38,6 @@ Keys are never recorded.
 Source: MCAP specification, https://mcap.dev/spec.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

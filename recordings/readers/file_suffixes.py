@@ -1,7 +1,5 @@
 """Suffixes of the files that can be opened, known without importing what reads them."""
 
-from __future__ import annotations
-
 import functools
 
 from imuscope.protocols.family.plugins import plugins_of_others

@@ -2,8 +2,6 @@
 recognised.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 METADATA = "metadata.yaml"  # of a bag

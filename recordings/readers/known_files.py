@@ -1,7 +1,5 @@
 """Files that are not read, by their first bytes: what they are, and what to do with them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 UNPACK = "Unpack it, and give a file of it."

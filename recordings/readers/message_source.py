@@ -4,8 +4,6 @@ All readable channels together are one device, whose messages are decoded like t
 cannot be read are left out and reported.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 The formats are rows of the families (VendorLogs.log_formats); this module accesses the disk.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.protocols.arrays import Ints

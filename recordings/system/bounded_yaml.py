@@ -4,8 +4,6 @@ A few lines of anchors expand to gigabytes, tags make objects, and 200,000 brack
 ends the process.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import yaml

@@ -10,8 +10,6 @@ second process on the same folder sees which files the first one writes. On a fi
 as held: there the one recording process excludes its own file by name.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 from pathlib import Path

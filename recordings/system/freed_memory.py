@@ -8,8 +8,6 @@ In a server each reading thread would have a heap of its own, with holes of its 
 three devices. Its threads take turns anyway, so one heap serves all.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 

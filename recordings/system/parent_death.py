@@ -5,8 +5,6 @@ Their output is no longer needed, and the next server may be producing the same.
 Source: prctl(2), PR_SET_PDEATHSIG.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import json

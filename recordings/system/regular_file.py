@@ -4,8 +4,6 @@ A named pipe waits for a writer when it is opened, a device may never end, and a
 them in a library must not keep a server from starting, so everything that is found by its name is opened here.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

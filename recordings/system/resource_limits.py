@@ -11,8 +11,6 @@ Source: getrlimit(2), RLIMIT_DATA (since Linux 4.7 private mappings count) and R
 v2, "memory.max", and of v1, "memory.limit_in_bytes".
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -8,8 +8,6 @@ the system has its temporary files there. The process that makes the next folder
 Source: flock(2).
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -4,8 +4,6 @@ JSON can contain an unpaired surrogate ("\\ud800"). Python keeps it in a str, an
 file nor a response. It is read as "?", so that one odd note in a recording does not prevent the list from being sent.
 """
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -15,8 +15,6 @@ Linear Accel X = 12, Y = -2, Z = -3                   the later axes go with the
 Roll: 1.2 deg, Pitch: 3.4 deg                         a unit behind the number
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -19,8 +19,6 @@ because any client can set it.
 Memory is constant: `ADDRESSES` are stored; the address whose last failure is oldest is removed first.
 """
 
-from __future__ import annotations
-
 import ipaddress
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Rules of routes: which paths need a token, and which requests change nothing, although they are POST."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

@@ -5,8 +5,6 @@ A request that could do harm (a caution of the table, or a change that could cut
 consequence in words until it is sent again with `confirmed`.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Mapping
 from functools import partial

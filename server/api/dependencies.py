@@ -1,7 +1,5 @@
 """The services of the server, for routes and WebSockets; the client of a request, and work that ends with it."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Coroutine
 from typing import Annotated, Any, TypeVar

@@ -1,7 +1,5 @@
 """One shape for every error of the HTTP API, from a wrong path to an internal error: {kind, message, hint}."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """Routes of exports of recordings: begin, progress, download, cancel."""
 
-from __future__ import annotations
-
 import math
 
 from fastapi import Response

@@ -6,8 +6,6 @@
 imuscope's own extensions are built into the page (web/src/extensions).
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 

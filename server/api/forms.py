@@ -4,8 +4,6 @@
 view token may call them (LOOKING in server/access/auth.py).
 """
 
-from __future__ import annotations
-
 import asyncio
 from functools import lru_cache
 

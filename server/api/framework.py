@@ -1,7 +1,5 @@
 """All routes of a server, as the framework's application: those of the heart, those of its extensions, the page."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from http.client import responses as phrases

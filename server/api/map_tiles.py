@@ -1,7 +1,5 @@
 """Tiles for a map under the track (server/integrations/map_tiles.py)."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from fastapi import Path

@@ -1,7 +1,5 @@
 """Routes of the packet view: the frame that made a sample, byte by byte, and its neighbours."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Annotated, Literal
 

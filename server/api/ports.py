@@ -1,7 +1,5 @@
 """Routes of serial ports: list them, scan them for devices."""
 
-from __future__ import annotations
-
 import asyncio
 
 from pydantic import BaseModel, Field

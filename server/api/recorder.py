@@ -1,7 +1,5 @@
 """Routes of the recorder: start, stop, add a marker, state (also sent with the op `recorder`)."""
 
-from __future__ import annotations
-
 from imuscope.recordings.errors import RecordingError
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices

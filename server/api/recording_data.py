@@ -3,8 +3,6 @@
 `GET /api/devices/{device}/query` is the same query on live data.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Mapping

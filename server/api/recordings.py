@@ -1,7 +1,5 @@
 """Routes of the library: list, edit and delete recordings; upload and download files."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import AsyncGenerator, AsyncIterator, Callable

@@ -1,7 +1,5 @@
 """Reference pages at /docs. They contain no device data, so like the page's own files they need no token."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 

@@ -1,7 +1,5 @@
 """Snapshots of a device, by serial number, and comparisons between them, devices, files and the factory."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from typing import Annotated, Literal
@@ -212,7 +210,7 @@ def _device(controller: DeviceController, title: str) -> ComparedValues:
 
 
 def _of_same_protocol(controller: DeviceController, other: DeviceController) -> DeviceController:
-    """The other controller; DomainError if its device is of another family."""
+    """The other controller; DomainError if its device belongs to another family."""
     if other.member.info.protocol != controller.member.info.protocol:
         message = f"{other.member.info.name} uses another protocol."
         raise DomainError("not-alike", message, "Compare with a device of the same family.")
@@ -220,7 +218,7 @@ def _of_same_protocol(controller: DeviceController, other: DeviceController) -> 
 
 
 def _of_protocol(controller: DeviceController, snapshot: Snapshot) -> Snapshot:
-    """The snapshot; DomainError if its file is of another family. A file without a protocol is accepted."""
+    """The snapshot; DomainError if its file belongs to another family. A file without a protocol is accepted."""
     protocol = controller.member.info.protocol
     if snapshot.protocol not in ("", protocol):
         hint = f"This device uses {protocol}."

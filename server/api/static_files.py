@@ -7,8 +7,6 @@ compressed copy (`.br`, `.gz`) of a file, browsers that support it get that copy
 The content-security policy allows this server only: no inline script, no inline style, no other host.
 """
 
-from __future__ import annotations
-
 import mimetypes
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 Prometheus.
 """
 
-from __future__ import annotations
-
 import platform
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Answers for programs that watch over a server, without routes: a health check, devices, metrics for Prometheus."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from imuscope.server.diagnostics.metrics import Sources

@@ -6,8 +6,6 @@ that does not accept a byte for `stuck_s` (server/services/services.py) is close
 transport's buffer, so that a very slow link is not taken for a dead one.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

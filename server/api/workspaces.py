@@ -1,7 +1,5 @@
 """Routes of workspaces: layouts of the page, stored by name."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Annotated, Any
 

@@ -7,8 +7,6 @@ The same rows are the forms of the page, the fields of `compose` and `send`, and
 text of its own.
 """
 
-from __future__ import annotations
-
 import difflib
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Helpers shared by several commands: files and decode options of sources."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -7,8 +7,6 @@ argcomplete is not used: it starts the program at each Tab, which takes 0.4 to 2
 scripts none. shtab, which generates scripts too, is under the MPL 2.0, which is not permissive.
 """
 
-from __future__ import annotations
-
 import argparse
 import shlex
 from collections.abc import Iterator, Mapping

@@ -18,8 +18,6 @@ unchanged. The protocol is found by the name of the message. The error for an un
 Lines of JSON are read one at a time and their frames written at once, so a file of any size can be processed.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

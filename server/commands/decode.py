@@ -5,8 +5,6 @@ The columns are exported in the format of OUT's suffix (recordings/exporters). T
 the first half.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 import tempfile

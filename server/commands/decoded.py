@@ -1,7 +1,5 @@
 """Columns of a file while a command reads them: decoded into a temporary folder, with a progress bar."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path

@@ -7,8 +7,6 @@ warning  /dev/ttyUSB0   Its adapter holds bytes back for up to 16 ms: samples co
 ok       disk           23.1 GB free.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import partial
 from importlib import resources

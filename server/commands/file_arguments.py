@@ -1,7 +1,5 @@
 """Arguments of commands that read a file, and those of `imuscope decode`."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

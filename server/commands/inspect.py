@@ -15,8 +15,6 @@ the names of values, for reading (server/commands/inspect_table.py):
 The file is read in pieces, so it can have any size.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 from collections import Counter

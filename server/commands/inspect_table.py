@@ -8,8 +8,6 @@ here values are scaled to the unit of their row. Text from a device is escaped s
 (server/text/printable.py).
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Arguments of the commands that serve a page: where, and over TLS."""
 
-from __future__ import annotations
-
 import argparse
 
 

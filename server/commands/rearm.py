@@ -6,8 +6,6 @@
 Sends the request to the running server; if none is running, the numbers stored in the data folder are deleted instead.
 """
 
-from __future__ import annotations
-
 import json
 import urllib.error
 import urllib.request

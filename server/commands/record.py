@@ -10,8 +10,6 @@ contains its bytes. Ctrl-C, SIGTERM, SIGHUP or the end of a played file stop it.
 the exit status is 1.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import time

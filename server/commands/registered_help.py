@@ -1,7 +1,5 @@
 """Help on registered links and export formats. It imports them, so it is generated only when help is printed."""
 
-from __future__ import annotations
-
 import textwrap
 
 from imuscope.server.devices.decode.decode_options import url_options

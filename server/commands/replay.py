@@ -11,8 +11,6 @@ that stalls pauses the replay clock; no bytes are skipped. Bytes from the receiv
 imuscope accepts the address on standard output as a source.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import fcntl

@@ -13,8 +13,6 @@ missing, one line is printed and the exit status is 1. A command that is killed 
 back; the next one, or a server, sends them first (server/configuration/put_back.py).
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import signal

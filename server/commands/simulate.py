@@ -9,8 +9,6 @@ has no baud rate; several clients, in turn or at once, can send to the device, a
 device is switched on from the start and keeps its settings until the command ends.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """Exponential backoff: each pause between attempts is twice as long as the previous one, up to a maximum."""
 
-from __future__ import annotations
-
 LOCAL_S = 0.2, 2.0
 """First and longest pause before a local port is opened again that is there, and in use or not permitted. One that is
 not there is opened as soon as it is (`terminals.standing_at`); pauses that grow are for others' networks."""

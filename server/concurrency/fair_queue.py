@@ -4,8 +4,6 @@
 wait; the requests of one user are served in their order.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator

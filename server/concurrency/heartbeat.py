@@ -8,8 +8,6 @@
 On a small computer a wake-up costs more than most of this work, and a turn of decoding as much as fifty samples in it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 

@@ -1,7 +1,5 @@
 """Rate limits: token buckets, one per key, and a limit per period that counts suppressed events."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 
 

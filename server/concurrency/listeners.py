@@ -1,7 +1,5 @@
 """Callback list; an exception in one callback does not affect the others or the caller."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from typing import Generic, ParamSpec

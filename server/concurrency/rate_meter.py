@@ -6,8 +6,6 @@ falls to 0 one second after the last arrival, when the page also shows the devic
 intervals.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The end of tasks of asyncio."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Sequence
 from typing import Any

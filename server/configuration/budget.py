@@ -7,8 +7,6 @@ The load is checked against the baud rate after the changes. A device that alrea
 that lower the load, and settings that send nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from imuscope.protocols.commands.transactions import Values

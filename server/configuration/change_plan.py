@@ -3,8 +3,6 @@
 A caution of the tables, or a change that could cut the line, is a Risk with its consequence as text.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -5,8 +5,6 @@ further device on a link is created when that device is first received. When the
 previous run left unconfirmed are rolled back first.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence

@@ -14,8 +14,6 @@ the type:
 64-bit limits are given as the nearest double, the only number type of JSON in a page.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any

@@ -8,8 +8,6 @@ Every job ends with the device measuring, even if it fails (Driver.within), unle
 config state before; then it stays there.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Collection, Mapping, Sequence

@@ -8,8 +8,6 @@
 Nothing is sent. Present values of the device (as far as they have been read) complete the change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

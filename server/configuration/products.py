@@ -7,8 +7,6 @@
 The rule is the same for all families: a product is its leading letters and the first number after them.
 """
 
-from __future__ import annotations
-
 import re
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z ]*-(?:[A-Za-z]-)?\d+[A-Za-z]*")
@@ -21,7 +19,7 @@ def base_name(product: str) -> str:
 
 
 def same_product(one: str, other: str) -> bool:
-    """Whether two devices are of the same product, as far as both are known."""
+    """Whether two devices are the same product, as far as both are known."""
     return not one or not other or base_name(one) == base_name(other)
 
 

@@ -8,8 +8,6 @@
 Nothing is assumed: after a plug was pulled, the device may have old values, new values, or some of each.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Mapping, Sequence

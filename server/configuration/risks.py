@@ -8,8 +8,6 @@
 A write of a setting itself is requested; its wear of the flash memory is mentioned in the form.
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, Risk, Values
 from imuscope.protocols.schema.fields import Setting
 from imuscope.protocols.schema.layouts import EncodeError

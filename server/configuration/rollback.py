@@ -18,8 +18,6 @@ The file stays while the device is unreachable; the procedure that restores comm
 also ends with the old settings.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

@@ -7,8 +7,6 @@
 A form must not show values from before a command, and changes must not be based on them.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Collection

@@ -5,8 +5,6 @@ is. Jobs that read the device before they write compare the serial number; other
 not confirmed, because reading it would interrupt the measurement.
 """
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 
 from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, Risk

@@ -10,8 +10,6 @@ read. Writing ends with the first setting after which the device is not in the s
 after a power cut it measures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field

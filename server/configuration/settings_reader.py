@@ -6,8 +6,6 @@
 When a device that was cut off during a write is read, the outcome is known and its rollback record is deleted.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ YAML is read within limits (recordings/system/bounded_yaml.py); the structure is
 driver. PyYAML reads 5 kB in 12 ms, ruamel.yaml in 107.
 """
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from typing import Any
 

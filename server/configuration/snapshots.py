@@ -35,8 +35,6 @@ A name never becomes a path: it is looked up among the existing files. A text is
 in a process of its own; its meaning is checked by the driver.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import threading

@@ -1,7 +1,5 @@
 """Time limits and retries of configuration. Tests pass shorter ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -11,8 +11,6 @@ and the number left out is logged. The number of entries is bounded; new entries
 ones can be read over HTTP.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections import deque

@@ -17,8 +17,6 @@ At the log level debug each act (`<<`) and each answer (`>>`) is logged with the
 A cancelled runner performs the final steps of the transaction (GoToMeasurement) before it ends.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections import deque

@@ -1,7 +1,5 @@
 """Check of values against the rows of a table; each problem is a text at its path."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -5,8 +5,6 @@
                                                 [52.0, 6.0, 30.0], unit "°,°,m" "52 °, 6 °, 30 m"
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -16,8 +16,6 @@ Source: Linux Documentation/ABI (sysfs-bus-usb, sysfs-devices-system-cpu), proc(
 udev rules.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import re

@@ -13,8 +13,6 @@ that a sum over devices counts nothing twice. `client` is the number of a browse
 A request changes nothing and takes about a millisecond, because all values exist already.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import shutil

@@ -4,8 +4,6 @@ python -m imuscope.server.generators.docs            write the files
 python -m imuscope.server.generators.docs --check    exit status 1 when one is stale
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Shared parts of the commands that generate files from the server."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections.abc import Iterable

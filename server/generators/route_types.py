@@ -9,8 +9,6 @@ undefined. `python -m imuscope.server.generators.ts_types` writes the file. A sc
 not a guess.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from typing import Any

@@ -7,8 +7,6 @@ python -m imuscope.server.generators.ts_types            write the files
 python -m imuscope.server.generators.ts_types --check    exit status 1 when one is stale
 """
 
-from __future__ import annotations
-
 import re
 import sys
 

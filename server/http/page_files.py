@@ -1,7 +1,5 @@
 """The built page's files, in memory."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path

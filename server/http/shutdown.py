@@ -17,8 +17,6 @@ a recording is not on disk by then is lost; the file is readable at any moment.
 Source: signal.set_wakeup_fd.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import os

@@ -19,8 +19,6 @@ Only this file imports `cryptography`, and only with one of the options.
 Sources: RFC 5280 §4.2 (extensions), RFC 9525 §6 (names), CA/Browser Forum limits are for public authorities only.
 """
 
-from __future__ import annotations
-
 import contextlib
 import datetime
 import ipaddress

@@ -8,8 +8,6 @@ configuration file. Only three integers of a request are inserted into that addr
 redirections are not followed, anything but images is dropped, and number, size and time are bounded.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections import OrderedDict
 from typing import Any

@@ -10,8 +10,6 @@ viewer, which keeps the newest state (viser) or drops the oldest (Foxglove), and
 disconnected.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import http.client

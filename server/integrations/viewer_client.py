@@ -3,8 +3,6 @@
 Standard output is reserved for our messages: output of libraries is redirected to standard error.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -19,8 +19,6 @@ A process that ends before it was stopped has crashed: `on_crash` is called. Res
 runs as long as the server is a KeptProcess.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

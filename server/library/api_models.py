@@ -5,8 +5,6 @@ docs/http-api.md lists the routes, with their bodies and answers.
 Times are unix seconds. The ops `recorder`, `library` and `exports` of the WebSocket report changes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, Literal
 

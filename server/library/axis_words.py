@@ -1,7 +1,5 @@
 """Words on the time axis of bytes and messages of devices, and what the events say on their clocks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 from imuscope.recordings.importers.open_file import CaptureSource

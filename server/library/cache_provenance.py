@@ -1,7 +1,5 @@
 """The recording that a store of columns was made of, and how it was read, so that the store can go with it."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -11,8 +11,6 @@ opened, are one after the other while the library is viewed and nothing is recor
 reported within `CHECK_INTERVAL_S` while the library is viewed.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

@@ -9,8 +9,6 @@ does not get the lock shares the folder and removes nothing. (Interrupted compac
 worker, uploads by the library.)
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import logging

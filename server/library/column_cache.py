@@ -13,8 +13,6 @@ recently used, until the rest takes no more than its share of the disk: a robot 
 would otherwise fill it with columns of what it has deleted.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import hashlib

@@ -5,8 +5,6 @@ process handles all that are waiting, since it takes a second to start. Recordin
 are found at the start.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections import deque

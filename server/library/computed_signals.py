@@ -8,8 +8,6 @@
 Definitions are recorded with the bytes of a device; a decoded recording has their channels, as any others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

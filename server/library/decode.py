@@ -18,8 +18,6 @@ complete store (`ProgressPublisher`).
 Memory is bounded by one part and the blocks waiting to be written.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

@@ -7,8 +7,6 @@ are JSON lines: {"progress": 0..1}, {"shown": a folder} when the part decoded so
 "hint"} for an error.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.recordings.errors import RecordingError

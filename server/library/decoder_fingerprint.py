@@ -5,8 +5,6 @@ process; simulators are excluded, because they do not decode. Data tables of the
 included.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import importlib.util

@@ -9,8 +9,6 @@ They are deleted with the end of the server; those of a killed server are delete
 after that day.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

@@ -10,8 +10,6 @@ A short recording is written completely. The request comes on standard input, on
 channels, base; the output is a line of JSON, {"sizes": {format: bytes}, "devices": {device: received bytes}}.
 """
 
-from __future__ import annotations
-
 import contextlib
 import tempfile
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ and stem, of the zip if there are several files. The output are JSON lines: {"pr
 {"message", "hint"} for an error. A process that is stopped (SIGTERM) leaves no files behind.
 """
 
-from __future__ import annotations
-
 import math
 import shutil
 import signal

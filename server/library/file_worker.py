@@ -6,8 +6,6 @@ It is a fork server (server/system/fork_server.py) for foreign_files.py: it impo
 a call has the facts {}, or {"error", "message", "hint"} and for an error of the system {"error", "message", "number"}.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import traceback

@@ -13,8 +13,6 @@ The process that forks starts when the library is looked at, and ends after IDLE
 is checked against its type: it may hold what others wrote.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import AsyncGenerator, AsyncIterator, Coroutine, Mapping, Sequence

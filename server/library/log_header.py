@@ -9,8 +9,6 @@ The answers are recorded like all bytes; their frames are also passed to `on_res
 format needs them at its beginning and takes them from the recording's metadata.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import partial
 

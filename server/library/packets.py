@@ -9,8 +9,6 @@ the neighbourhood is decoded, whatever their length. What each byte means comes 
 listing, their parts from its driver. A family without a driver has a frame as a whole.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal

@@ -6,8 +6,6 @@ done, size, count}, the bytes, `count` ends and as many times (int64), then {pas
 hint}.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import socket

@@ -11,8 +11,6 @@ In sample frames of the wire a bucket is two rows at one time: min, then max; fo
 all. In a table it is one row: t, n, and NAME_min, NAME_max (NAME_any, NAME_all).
 """
 
-from __future__ import annotations
-
 import io
 import json
 import math

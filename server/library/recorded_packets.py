@@ -3,8 +3,6 @@
 It runs in a process of files (foreign_files.py).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.recordings.importers.open_file import open_file

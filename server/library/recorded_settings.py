@@ -7,8 +7,6 @@ Settings have the order and the groups of Configure. Values that are not in the 
 another origin or a later version), are shown unchanged, so that no recorded value is missing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -16,8 +16,6 @@ A recording continues if a browser or a device disconnects, or a page is busy. A
 contains the cause; after a full disk the one of `record = true` is resumed (standing_recording.py).
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

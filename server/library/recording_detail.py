@@ -1,7 +1,5 @@
 """Details of an opened recording, apart from its samples."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import Any

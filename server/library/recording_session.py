@@ -18,8 +18,6 @@ bytes; its settings are stored separately, with its address, as another device m
 opened.
 """
 
-from __future__ import annotations
-
 import asyncio
 import heapq
 import math

@@ -1,7 +1,5 @@
 """Explanations of the reasons for rejecting frames."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from imuscope.protocols.family.info import ProtocolInfo

@@ -6,8 +6,6 @@ A device is known by its protocol and serial number, and by its source until it 
 id in the next run. The file is replaced atomically; unreadable parts count as absent.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass

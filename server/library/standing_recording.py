@@ -10,8 +10,6 @@ a recording lasts. Between attempts the disk is looked at every CHECK_S. A recor
 missing, as far as it is in memory.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

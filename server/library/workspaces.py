@@ -8,8 +8,6 @@ server checks the envelope, the size and the name. A stored workspace has a revi
 that it replaces, so that of two people who edit one workspace neither loses work without a notice.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging

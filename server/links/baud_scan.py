@@ -18,8 +18,6 @@ frames that are owed to it (Link.owed): it is listened to at the rate at which i
 that is its rate.
 """
 
-from __future__ import annotations
-
 import asyncio
 import errno
 import os

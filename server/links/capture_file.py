@@ -5,8 +5,6 @@ fast; `loop=1` starts again at the end, and marks the first bytes of each pass (
 clocks and counters is not reported as a clock jump or a loss.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

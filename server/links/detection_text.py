@@ -4,8 +4,6 @@
 as "812 B, 11 Xbus frames (MTData2)", "2 304 B, no frame in them" or "0 B".
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from imuscope.protocols.registry.families import detect

@@ -1,7 +1,5 @@
 """Files as sources: a recording is replayed, a pipe is read as a stream, anything else is played as a capture."""
 
-from __future__ import annotations
-
 from imuscope.server.links.base import Link, LinkSettings
 from imuscope.server.links.capture_file import SPEEDS, FileLink
 from imuscope.server.links.pipe import PipeLink, is_pipe

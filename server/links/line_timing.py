@@ -7,8 +7,6 @@ for one frame of the bus.
 A native USB port (ttyACM) has no line: its baud rate has no effect.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

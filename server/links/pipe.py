@@ -8,8 +8,6 @@ recordings/capture_timing.py). A recording cannot be read from a pipe: its index
 its devices is a separate source.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

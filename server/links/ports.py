@@ -6,8 +6,6 @@ another and reports the received data, as baud_scan.py describes it. A port in u
 another program is not opened.
 """
 
-from __future__ import annotations
-
 import asyncio
 import glob
 import os

@@ -12,8 +12,6 @@ The memory of the loop is shared with the threads that take what it has read (se
 Either the reading thread sees a deadline that was set, or the taker who set it sees the reads before.
 """
 
-from __future__ import annotations
-
 import time
 
 from imuscope.protocols.arrays import Array, Ints

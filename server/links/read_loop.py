@@ -19,8 +19,6 @@ The loop reports a failed read without its cause; the caller then reads itself, 
 Source: poll(2), read(2), clock_gettime(2).
 """
 
-from __future__ import annotations
-
 import math
 import select
 import time

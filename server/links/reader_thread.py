@@ -15,8 +15,6 @@ they are never late and already stamped. While an answer is expected, wake-ups c
 add up over a dialogue of fifty requests.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import errno

@@ -9,8 +9,6 @@ at the same time of the same clock. Any importable file is played this way if a 
 otherwise a capture without times is played by its device's own clock (server/links/capture_file.py).
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import stat

@@ -7,8 +7,6 @@ No I/O: time is passed in and randomness comes from a seed, so that faults are r
 split into frames, by the lengths in their headers, only to drop or corrupt whole frames.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections import deque

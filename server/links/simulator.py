@@ -37,8 +37,6 @@ So a test with a simulator covers the same code as a sensor: the port, the readi
     ?seed=1                         different noise, different sequence of faults
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import errno

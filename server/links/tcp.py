@@ -12,8 +12,6 @@ silent for `SILENT_NS`, the new one replaces it, because a restarted device reco
 known to be dead.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import errno

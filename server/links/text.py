@@ -1,7 +1,5 @@
 """Texts shared by links: formats of numbers and addresses, progress lines, errors of listening."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import glob

@@ -7,8 +7,6 @@ Linux counts the datagrams dropped because the receive buffer was full (SO_RXQ_O
 buffer holds seconds of a 2 kHz stream; the kernel grants up to net.core.rmem_max.
 """
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import struct

@@ -10,8 +10,6 @@ So a link stores the name of the adapter at its port, and searches for that adap
 Source: systemd, rules.d/60-serial.rules.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -11,8 +11,6 @@ Within a text, `code` between backquotes is left unchanged, and [text](#heading)
 rest is plain text and is escaped for either format.
 """
 
-from __future__ import annotations
-
 import html
 import re
 import textwrap

@@ -1,7 +1,5 @@
 """The HTTP API as a document, from its OpenAPI description."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Iterator, Mapping

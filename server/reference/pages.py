@@ -1,7 +1,5 @@
 """The reference pages by name, and their HTML."""
 
-from __future__ import annotations
-
 import inspect
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping

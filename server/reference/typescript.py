@@ -20,8 +20,6 @@ error, not a guess.
     python -m imuscope.server.generators.ts_types --check    exit status 1 when one is stale
 """
 
-from __future__ import annotations
-
 import ast
 import struct
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """List of the capabilities of this server, collected from the registries: protocols, export formats, kinds of links."""
 
-from __future__ import annotations
-
 from imuscope.protocols.family.decode_options import DecodeOption
 from imuscope.protocols.family.info import ProtocolInfo
 from imuscope.protocols.registry.families import PROTOCOLS

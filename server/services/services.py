@@ -3,8 +3,6 @@
 Routes receive them through one dependency (server/api/dependencies.py). Nothing is added or replaced later.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable

@@ -7,8 +7,6 @@ Each field is a setting of the file, by its name; one that is itself a frozen da
 of a field defines its allowed values (server/settings/setting_types.py).
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 from collections.abc import Mapping, Sequence

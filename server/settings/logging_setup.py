@@ -12,8 +12,6 @@ neither forge lines nor fill the disk: characters that are not printable are esc
 (`extra={"often": key}`) a few lines are written per ten seconds; the next line says how many were omitted.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import os

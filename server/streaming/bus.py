@@ -11,8 +11,6 @@ state, of which the latest is stored for later subscribers. An error of a subscr
 publisher (server/concurrency/listeners.py).
 """
 
-from __future__ import annotations
-
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace

@@ -6,8 +6,6 @@
 A live device has a few samples at a time; to make an array of each of their columns would cost more than all the rest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

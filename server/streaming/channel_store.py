@@ -8,8 +8,6 @@ ended or a sensor that was unplugged keeps its samples; all rings together hold 
 oldest block of all is dropped first, so that all channels reach about equally far back.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace

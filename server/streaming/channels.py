@@ -21,8 +21,6 @@ A device with outputs at different rates sends frames of several layouts, and on
 share channels. `channel_per_field` restores the stream order of the pieces of each channel.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

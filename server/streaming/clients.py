@@ -9,8 +9,6 @@ most every 12 ms for up to four clients and every 16 ms beyond (once per frame o
 each flush costs more than the samples in it), less often if every client needs less (`SendQueue.interval_s`).
 """
 
-from __future__ import annotations
-
 import asyncio
 import platform
 from collections.abc import Iterable, Mapping

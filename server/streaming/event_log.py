@@ -8,8 +8,6 @@ stored.
     changes   everything else       the newest MAX_CHANGES; a new browser gets CHANGES_RESENT of them
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator, Mapping
 

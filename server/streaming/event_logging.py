@@ -9,8 +9,6 @@ Single frames (commands, answers, lines of text) are logged with --log-level deb
 are logged in server/api/websocket.py and server/access/auth.py, in the same form (server/settings/logging_setup.py).
 """
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

@@ -7,8 +7,6 @@ of their memory, smooth signals a third, noise two thirds. 64 kB take a quarter 
 again.
 """
 
-from __future__ import annotations
-
 import threading
 from typing import Any
 

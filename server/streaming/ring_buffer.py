@@ -22,8 +22,6 @@ Each column of a frame is padded to 8 bytes (server/wire/). A range is therefore
 crosses a block.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import chain, groupby

@@ -3,8 +3,6 @@
 A live device has a few samples in each turn: an array for each of its columns would cost ten times the copy itself.
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.native.kernels import FLOATS, INT, INTS, READ_ROWS, TABLE, ArrayType, compiled
 

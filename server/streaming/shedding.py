@@ -12,8 +12,6 @@ Nothing of this loses a sample: a viewer gets the same samples later, in larger 
 decoding has kept up for `CALM_S`.
 """
 
-from __future__ import annotations
-
 PICTURES_S = 0.3
 PAGES_S = 0.5
 KEEPS_UP_S = 0.25  # more than the longest interval between two turns without viewers

@@ -8,8 +8,6 @@ exports but by no live view (the device's own clock readings, all payloads witho
 `archive`, if it has one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 

@@ -9,8 +9,6 @@ must not be hidden. The number of kinds and the stored bytes are bounded; payloa
 one costs a dictionary lookup and stores a reference; bytes are copied and formatted for the page twice a second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Signals that ask a program to end."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 from collections.abc import Iterator

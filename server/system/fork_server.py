@@ -20,8 +20,6 @@ read what others wrote, is not.
 Source: PEP 574; fcntl(2), F_SETOWN and O_ASYNC; unix(7), SCM_RIGHTS.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import fcntl

@@ -1,7 +1,5 @@
 """Programs that have a file open, from /proc: those of other users are visible to root only."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

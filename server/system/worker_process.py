@@ -1,7 +1,5 @@
 """The process of a worker (workers.py): what it does first, and how it reports progress and failures."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Iterator

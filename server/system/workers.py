@@ -7,8 +7,6 @@ It lowers its own priority, and ends when the server is killed (recordings/syste
 arguments reads no standard input. Its standard error goes to that of the server.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -4,8 +4,6 @@ A device chooses its own name, and its texts may contain any byte: escape sequen
 cursor, rename the window or change colours. So all text of a device goes through one of these functions.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

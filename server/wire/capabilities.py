@@ -4,8 +4,6 @@ The page has no built-in list of protocols, export formats or kinds of links; it
 server/services/capability_list.py collects them from the registries.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Channels: quantities of devices, and their columns."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

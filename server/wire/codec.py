@@ -4,8 +4,6 @@ Samples are columns after a header; text is JSON that JavaScript can read. A rin
 own memory (server/streaming/ring_buffer.py) with the same header.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import struct

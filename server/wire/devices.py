@@ -1,7 +1,5 @@
 """Devices: state of the device and its link, figures twice a second, payloads that cannot be decoded."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

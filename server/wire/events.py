@@ -1,7 +1,5 @@
 """Events of devices and of the server."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Configuration of a device: its jobs, a pending rollback, the frames of its transactions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, Literal
 

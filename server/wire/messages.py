@@ -1,7 +1,5 @@
 """Messages: text frames in both directions, distinguished by `op`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """State of the recorder and of exports."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

@@ -11,8 +11,6 @@ in the vendor's presets.
 Source: inertial-sense-sdk 2.7.1, data_sets.h (gpx_flash_cfg_t, gpx_status_t, GRMC_BITS, GRMC_PRESET).
 """
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

@@ -13,8 +13,6 @@ hardware, state and type of build, which are missing from the manual.
 Source: Inertial Sense user manual, "NMEA 0183 (ASCII) protocol"; inertial-sense-sdk 2.7.1, protocol_nmea.cpp.
 """
 
-from __future__ import annotations
-
 import datetime
 from collections.abc import Callable, Mapping
 from typing import Any

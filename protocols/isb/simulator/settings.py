@@ -11,8 +11,6 @@ The device lacks and refuses all other data sets.
 Source: inertial-sense-sdk 2.7.1, data_sets.h; user manual, "Data Sets (DIDs)".
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass, field
 

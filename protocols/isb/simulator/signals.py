@@ -19,8 +19,6 @@ Rules for editing: a data set that can be streamed is a row in `SOURCES` and a f
 Source: inertial-sense-sdk 2.7.1, data_sets.h; ISB document, "Data Source Update Rates".
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """`python -m imuscope.protocols.native.compiler [PACKAGE]`: build machine code of a package's kernels."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

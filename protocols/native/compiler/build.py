@@ -9,8 +9,6 @@ All are built on any machine, so one wheel serves all. They need nothing but the
 interpreter that loads them.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

@@ -4,8 +4,6 @@ Integers are of 64 bits and wrap; `//` and `%` round down, as in Python. An inte
 the type of what it is combined with, so `unsigned_index + 1` stays unsigned.
 """
 
-from __future__ import annotations
-
 import ast
 import operator as op
 from dataclasses import dataclass, replace

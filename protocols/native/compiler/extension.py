@@ -5,8 +5,6 @@ the same since NumPy 1.7; neither's header files are needed. Declarations here a
 "Stable Application Binary Interface" of Python and "Python types and C-structures" of NumPy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -11,8 +11,6 @@ Measured data are not affected: cables lose those (server/links/simulated_line.p
     code.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -7,8 +7,6 @@ Answers leave at once, unless faults are injected (simulator/faults.py).
 Source: MT0101P 2020.A, 5.1.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Collection, Iterator
 

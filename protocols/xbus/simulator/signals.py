@@ -11,8 +11,6 @@ Rules for editing: a new item is a row in output_configuration.py and a method o
 Source: MT0101P 2020.A, table 17 (formats), 25-27 (GNSS, status), 5.3.6.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -12,8 +12,6 @@ Source: MT0101P 2020.A, 5.3.5 SetStringOutputType, SetPeriod and SetOutputSkipFa
 the document, from other makers.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

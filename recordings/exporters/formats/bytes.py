@@ -1,7 +1,5 @@
 """Bytes of one device: unchanged, and as logs of the vendors' own formats (recordings/exporters/raw_bytes.py)."""
 
-from __future__ import annotations
-
 from imuscope.protocols.registry.families import log_formats
 from imuscope.recordings.exporters.raw_bytes import log_writer, write_bytes
 from imuscope.recordings.exporters.registry import ExportFormat, register_exporter

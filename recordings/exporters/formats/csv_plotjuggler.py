@@ -7,8 +7,6 @@ blanks for the separator. The segment of the clock is a column if there are seve
 and undescribed bytes are left out.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.recordings.exporters.registry import ExportFormat, register_exporter

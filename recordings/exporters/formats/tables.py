@@ -1,7 +1,5 @@
 """Decoded columns as tables: the formats whose writers take longer to import, which they are on first use."""
 
-from __future__ import annotations
-
 from imuscope.recordings.exporters.registry import ExportFormat, lazy, register_exporter
 
 for _place, (_name, _title, _suffix, _module, _label, _words, _per_byte) in enumerate(

@@ -3,8 +3,6 @@
 Source: ROS wiki, "Bags/Format/2.0"; protocols/messages/records.py.
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.arrays import Array, Bytes, Ints
 from imuscope.protocols.native.kernels import BYTES, INT, INTS, PAIR, TABLE, ArrayType, compiled
 

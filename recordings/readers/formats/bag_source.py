@@ -1,7 +1,5 @@
 """Messages of a bag of ROS as a source: the stream of protocols/messages/, in blocks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

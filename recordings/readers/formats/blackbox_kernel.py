@@ -8,8 +8,6 @@ the search goes on at its second byte, and differences are left out until the ne
 Source: Betaflight documentation, "Blackbox logging internals" (encodings, predictors, events).
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.native.kernels import BYTES, INT, INTS, PAIR, TABLE, compiled
 

@@ -13,8 +13,6 @@ Where it goes back by more than a millisecond the arrival continues, and the ste
 device without a clock of its own; a device that has one is not affected.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -83,7 +81,7 @@ WITHOUT_TIMES = "Record it with candump -l, or let the device send its sample ti
 
 
 def form_of(head: bytes) -> int | None:
-    """Form of a log by its first lines; None if it is none."""
+    """Form of a log by its first lines; None if it is not one."""
     text = _BEFORE.sub(b"", head)
     return next((form for form, pattern in _HEADS if pattern.match(text)), None)
 

@@ -1,7 +1,5 @@
 """First pass over a log of CAN frames: its buses and identifiers, and how its times go."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field

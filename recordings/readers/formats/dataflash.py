@@ -8,8 +8,6 @@
 Source: ArduPilot developer documentation, "Logging in code" and libraries/AP_Logger/LogStructure.h (names and codes).
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass

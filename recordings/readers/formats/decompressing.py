@@ -3,8 +3,6 @@
 pyarrow brings all compressions that files of recordings have, as streams.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import weakref
@@ -144,7 +142,7 @@ class UnpackedFolder:
 
 
 def decompressed(path: Path, folder: UnpackedFolder, name: str, codec: str) -> Path:
-    """A compressed file written into a folder; returns its path. Of one that was cut, all before is written.
+    """A compressed file written into a folder; returns its path. A truncated file is written as far as it goes.
 
     Raises:
         RecordingError: it is damaged from its beginning on, or exceeds the limits.

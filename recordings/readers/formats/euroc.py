@@ -9,8 +9,6 @@ A table has the name of its folder. The segments of the clock are those that our
 Source: M. Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR 35 (2016), and the files of the data sets.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Sequence

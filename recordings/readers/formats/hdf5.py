@@ -12,8 +12,6 @@ Source: HDF5 File Format Specification 3.0, IV.A.2.l (filters); CF Conventions 1
 format that the decompressor of liblzf 3.6 reads (lzf_d.c).
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re

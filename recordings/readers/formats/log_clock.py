@@ -9,8 +9,6 @@ compared with itself, in the order of the file. The axis goes on soon after the 
 The log times of messages are such a clock as well: `LogTimes` continues them, block by block.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -101,7 +99,7 @@ class LogClock:
 class LogTimes:
     """Log times of messages that go on where they go back: a host whose clock was set, or bags that were joined.
 
-    Topics that were written one after the other are none of these.
+    Topics that were written one after the other do not count.
 
     Attributes:
         steps: unix s after each step, on the axis, and its size, s.

@@ -3,8 +3,6 @@
 Version 7.3 is HDF5 (hdf5.py). Objects (timetable, table) are left out: MATLAB keeps their form to itself.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from typing import Any

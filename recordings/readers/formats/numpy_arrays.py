@@ -3,8 +3,6 @@
 A structured array has named columns. Objects are never loaded: they can run programs.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import zipfile

@@ -8,8 +8,6 @@ A packet without a file has no row. The times name no zone, and are read as UTC.
 Source: A. Geiger et al., "Vision meets robotics: the KITTI dataset", IJRR 32 (2013), and its dataformat.txt.
 """
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

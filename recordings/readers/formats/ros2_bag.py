@@ -9,8 +9,6 @@ The definitions of an older bag are those of `rosbags`, which has the common typ
 Source: rosbag2_storage_sqlite3 and rosbag2_storage (docs.ros.org), "metadata.yaml", versions 1 to 9.
 """
 
-from __future__ import annotations
-
 import functools
 import sqlite3
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Several tables as one file: those of an archive, each a message with the name of its file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -9,8 +9,6 @@
 Source: PX4 guide, "ULog File Format".
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterator

@@ -18,8 +18,6 @@ Source: https://docs.wit-motion.com/guides/high-precision/hwt905-ttl/protocol (O
 formulas in the data sheets of WT901 and BWT61CL; WT901BLE5.0 Communication Protocol.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

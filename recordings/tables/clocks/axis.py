@@ -3,8 +3,6 @@
 `TimeAxis.sentences` describes all of it in words; `TimeAxis.described` is stored with the recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -2,8 +2,6 @@
 seconds beside parts of them.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -69,7 +67,7 @@ def unnamed_stamps(sample: TableSample) -> list[TableClock]:
 
 
 def _parts_of(words: str) -> Iterator[tuple[str, str, str]]:
-    """Of a heading in seconds: the words before the unit, the unit of a part, and the heading of that part."""
+    """Parts of a heading in seconds: the words before the unit, the unit of a part, and the heading of that part."""
     parts = words.split("_")
     for place in reversed(range(len(parts))):
         if SPELLINGS.get(parts[place]) == "s":

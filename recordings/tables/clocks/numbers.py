@@ -1,7 +1,5 @@
 """Clocks of a table that are numbers in a unit, counters of samples, and the count of its rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

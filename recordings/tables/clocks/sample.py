@@ -1,7 +1,5 @@
 """First rows of a table, in which its clocks are searched: cells and numbers of a column, and their possible units."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ look alike; a long one begins a segment too. Rows that are only out of order (th
 times.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

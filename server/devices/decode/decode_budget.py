@@ -12,8 +12,6 @@ sizes and times of the last slices. Under load all slices have the same size, wh
 therefore a shorter slice is used now and then.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections import deque

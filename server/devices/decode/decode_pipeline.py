@@ -7,8 +7,6 @@ Each connection has a new decoder and a new clock mapping (`disconnect`, `begin`
 sequence numbers of Secure devices continue.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from imuscope.protocols.events import Batch, Doubts, Event, Remarks, Reply

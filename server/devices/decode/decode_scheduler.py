@@ -12,8 +12,6 @@ sent to clients together. A session that waits for an answer decodes at once.
 A turn in which a session found bytes requests the next one, so that while bytes arrive no link needs to wake the loop.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 

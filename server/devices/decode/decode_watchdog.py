@@ -4,8 +4,6 @@ A wrong rate is not silence: bytes still arrive, but without frames. Some are re
 the criterion is missing frames: for `UNDECODABLE_S` no frame, sentence or answer, in at least `MIN_BYTES`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from imuscope.server.devices.device.link_stats import LinkStatistics

@@ -4,8 +4,6 @@ The oldest waiting bytes are dropped (server/links/reader_thread.py). A recordin
 bytes before.
 """
 
-from __future__ import annotations
-
 from imuscope.server.devices.device.event_reporter import EventReporter
 from imuscope.server.devices.device.link_stats import LinkStatistics
 

@@ -5,8 +5,6 @@ chunks ──> stored ──> 1 KiB, or after 0.4 s ──> guess ── sure en
              └── newest 16 KiB or so ── not sure: report the best guess; again with 2 KiB, 4, 8 or after 0.4 s
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The protocols for a session: the rows of protocols/registry/families.py."""
 
-from __future__ import annotations
-
 from collections.abc import Container
 
 from imuscope.protocols.events import Decoder

@@ -8,8 +8,6 @@ A Secure device that was power-cycled counts from 0 again, which looks exactly l
 the operator can distinguish the two, so the server reports it and waits to be re-armed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

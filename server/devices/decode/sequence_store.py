@@ -10,8 +10,6 @@ counts as empty. At most `MAX_DEVICES` devices are stored, the latest.
 Only real links are tracked: playing a recording again is not an attack.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import hmac

@@ -12,8 +12,6 @@ continue, which is reported within seconds.
 At most `MAX_SENDERS` devices of a link are shown; messages of others are counted as "other devices".
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate

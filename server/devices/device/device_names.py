@@ -17,8 +17,6 @@ there.
 The file is replaced atomically; unreadable parts count as absent.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import re

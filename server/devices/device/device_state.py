@@ -4,8 +4,6 @@ One `DeviceInfo` that is replaced as a whole, only if something changed, so that
 health figures, computed on demand.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

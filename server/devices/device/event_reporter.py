@@ -6,8 +6,6 @@ ones are summed up in one sentence at the end of the second. Noise on the wire t
 with exact counts. Continuing rejects for the same reasons are reported less and less often, finally once a minute.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any

@@ -11,8 +11,6 @@ One cause is reported at a time, the topmost; it is dropped after a minute witho
 whatever the cause; only their common uncertainty grows, which the page shows as ±.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from imuscope.protocols.clocks.clock_sync import ClockSync

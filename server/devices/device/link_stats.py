@@ -3,8 +3,6 @@
 Latency is the time from the arrival of the oldest waiting byte until its samples were passed to the browsers.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 

@@ -4,8 +4,6 @@ Lost samples are those that a counter shows. The share is that of all samples wh
 messages share it, of all of them together.
 """
 
-from __future__ import annotations
-
 from collections import deque
 
 from imuscope.server import wire

@@ -4,8 +4,6 @@ A GGA sentence with a fix has latitude, longitude, height and satellites; a prot
 positions (DeviceTraits.position).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ device has three of its usual intervals, or a few seconds while its interval is 
 that is being configured does not measure) is not counted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 SILENT_S = 0.8

@@ -12,8 +12,6 @@ Some conditions make an intact stream look broken. Each is reported once, with i
 Besides the event, the device has a permanent notice, and a message and hint while none of its data can be shown.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence

@@ -7,8 +7,6 @@
 After a step of the device clock, UTC is unknown until the next report.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -13,8 +13,6 @@ The status on the page (wire.DeviceStatus) follows from the state, with one deli
 keep the previous status, so that an error stays readable during a retry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import Enum
 from types import MappingProxyType

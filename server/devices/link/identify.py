@@ -1,7 +1,5 @@
 """Identification request to a device, sent once for each connection."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable

@@ -7,8 +7,6 @@ A caller that sends to the device holds `turn` (session_listeners.py), so that n
 `wait_idle` waits for those that do.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from typing import Protocol

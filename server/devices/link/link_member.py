@@ -6,8 +6,6 @@
 A device controller (server/configuration/device_controller.py) uses every device through it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from imuscope.protocols.events import Event

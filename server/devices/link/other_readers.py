@@ -4,8 +4,6 @@ Nothing is known about it beforehand, because few programs lock a port. It is lo
 or absent, and the port is then left to it until it ends: it may be the robot's driver.
 """
 
-from __future__ import annotations
-
 import asyncio
 
 from imuscope.server.devices.device.link_stats import LinkStatistics

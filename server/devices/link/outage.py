@@ -8,8 +8,6 @@ accepted only if it agrees with the elapsed time at the previous rate.
                                                                  accepted if about seconds * rate
 """
 
-from __future__ import annotations
-
 from imuscope.protocols.events import Count, Counts
 from imuscope.server.devices.device.device_demux import LinkDevice
 

@@ -12,8 +12,6 @@ decoded in turns with other sessions (server/devices/decode/decode_scheduler.py)
 at once. What configuration and port sharing do with the link is in server/devices/link/link_access.py.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

@@ -1,7 +1,5 @@
 """Listeners of a session: decoded events, received chunks and sent bytes."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence

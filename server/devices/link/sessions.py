@@ -1,7 +1,5 @@
 """Registry of all device sessions of the server: adds, removes and retries them, and checks them at a beat."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

@@ -7,8 +7,6 @@ Their state is kept from batch to batch, so that the result is that of everythin
 restarts after a gap. A moving window has no value until it is full: one of 10 s has none after 0.1 s.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

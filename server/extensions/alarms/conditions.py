@@ -11,8 +11,6 @@ Filters, moving windows, derivatives and integrals are causal and keep their sta
 the same samples give the same codes however they were divided.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace

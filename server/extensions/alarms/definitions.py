@@ -1,7 +1,5 @@
 """Definitions of alarms, as set over HTTP and stored in the data folder."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field

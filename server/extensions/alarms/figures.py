@@ -11,8 +11,6 @@ A figure is judged only while it is known what it presupposes:
 Else its code is UNKNOWN, and `obstacle` says why and what to do.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

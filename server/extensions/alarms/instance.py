@@ -1,7 +1,5 @@
 """One alarm of one device: its condition, its state machine, its events and the intervals in which it was raised."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence

@@ -10,8 +10,6 @@ A duration runs from the first sample of a run to the present one; a sample of a
 missing_s ends the run. Samples with the code UNKNOWN count as no samples.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Literal

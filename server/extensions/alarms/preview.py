@@ -4,8 +4,6 @@ Samples come in slices of about SLICE_ROWS, so that a recording of hours needs l
 of durations is kept from slice to slice.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace

@@ -8,8 +8,6 @@ There is one recording at a time. An alarm that is raised while another recordin
 ends it; one that is raised while a recording of an alarm runs prolongs it. A recording that a user stops is over.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

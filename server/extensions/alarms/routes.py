@@ -1,7 +1,5 @@
 """Routes of alarms: list, add, change, delete, check, acknowledge."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from fastapi import Depends, Request

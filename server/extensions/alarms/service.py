@@ -8,8 +8,6 @@ A turn reads the new rows of every channel that an alarm needs once, for all ala
 rows wait in the rings of the channel store until the next turn. Turns do not depend on pages that look.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import secrets

@@ -1,7 +1,5 @@
 """Settings of alarms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

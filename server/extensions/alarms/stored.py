@@ -1,7 +1,5 @@
 """Alarms of a server that starts: those that are stored. Without any, the first request makes their service."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from imuscope.server.extensions.alarms.settings import FILE

@@ -9,8 +9,6 @@ and 8215, NAT64; RFC 3056, 6to4; RFC 4380, Teredo; RFC 5214, section 6.1, ISATAP
 IPv4-translated; inet_aton(3).
 """
 
-from __future__ import annotations
-
 import ipaddress
 import re
 import socket

@@ -7,8 +7,6 @@ An address may hold a secret anywhere behind the host, so that answers, events a
 hosts may be reached: webhook_targets.py. A request is marked, and a server of imuscope refuses one that is.
 """
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import contextlib

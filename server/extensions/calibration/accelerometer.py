@@ -10,8 +10,6 @@ declared to be square and the table level:
 Gravity differs by 0.5 % between equator and pole, and the scale with it, unless it is given.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 

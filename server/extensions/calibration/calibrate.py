@@ -1,7 +1,5 @@
 """`imuscope calibrate FILE KIND`: calibrate a sensor with a stretch of any file that `decode` reads."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +28,7 @@ SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".h
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """A result, and the device that it is of, in words."""
+    """A result and its device, in words."""
 
     report: CalibrationReport
     device: str

@@ -8,8 +8,6 @@ Each cell is about 30° wide and has 1/48 of the sphere. In an equal-area projec
 square root of 1/8, 1/2 and 1 of its radius.
 """
 
-from __future__ import annotations
-
 from itertools import accumulate
 
 import numpy as np

@@ -4,8 +4,6 @@ json    everything, for scripts            yaml    matrices as Kalibr writes the
 csv     a row for each number              c       a header with two arrays
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

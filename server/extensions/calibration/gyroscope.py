@@ -4,8 +4,6 @@ The longest rest counts. Its first and last half second are left out, because a 
 the mean cannot distinguish from a bias: the turn of the Earth, and the temperature at which it was taken.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.server.extensions.analysis.signals.stillness import (

@@ -17,8 +17,6 @@ Samples are thinned to the same number in every cell of directions, so that a re
 Source: Renaudin, Afzal, Lachapelle, "Complete Triaxis Magnetometer Calibration in the Magnetic Domain", 2010.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ as a drive begins forwards. The matrix turns vectors of the sensor into the axes
 The ground's slope is not seen, and turns the result as much.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

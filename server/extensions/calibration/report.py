@@ -3,8 +3,6 @@
 All calibrations end in one form, corrected = matrix · (measured − bias), so that one export and one page serve them.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import BaseModel, Field

@@ -1,7 +1,5 @@
 """Routes of calibrations: a running one of a live device, and one of a stretch of a recording or of memory."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from typing import Annotated, Any, Literal

@@ -8,8 +8,6 @@ Nothing runs without viewers: the rings of the channel store hold the samples, a
 reaches back. Above MAX_SAMPLES every second sample is dropped, and from then on every second one is left out.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Calibration of a stretch of samples as a job of another process (server/extensions/analysis/jobs/jobs.py)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ difference  ╱╱╱╱      ╱╱╱     it begins at zero again after each s
 ╱╱╱╱╱╱        visible beside a step of any size
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Arguments of `imuscope time`, and what it does with them. A live source is recorded for some seconds first."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import sys

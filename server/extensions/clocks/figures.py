@@ -9,8 +9,6 @@ Drift and jitter are those of the longest stretch in which the difference has no
 clocks, or a stall that is caught up, are none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Routes of the choices on how a recording is read, and of the first rows of a table under given options."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import dataclass
 from typing import Annotated, Literal

@@ -3,8 +3,6 @@
 LinkMemory ──> write_memory ──> bytes.npz: data, ends, times ──> MemorySource ──> decode like a recording
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

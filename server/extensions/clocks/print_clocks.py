@@ -8,8 +8,6 @@
 The star marks the axis. Steps are listed below, with their size.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Routes of the clocks of an opened recording, and of a live device."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

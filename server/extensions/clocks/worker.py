@@ -6,8 +6,6 @@ The request comes on standard input, one JSON object: folder with bytes.npz (liv
 identity, and the decode options. The result is written beside the bytes, as it is sent.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict

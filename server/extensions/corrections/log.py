@@ -11,8 +11,6 @@ interruptions with their cause, rejections by the device, and totals at the end:
 A stream that cannot be opened is retried; the same reason is reported once.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Corrections for a device's receiver: the forwarded stream and its state."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Iterator
 from dataclasses import replace

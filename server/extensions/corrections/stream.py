@@ -15,8 +15,6 @@ a position in its own protocol) is sent to the caster when the stream begins and
 The password is a secret: no answer, event or log contains it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

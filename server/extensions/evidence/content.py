@@ -4,8 +4,6 @@
  "cursors", "devices", "losses", "events", "notes", "left_out", "versions"}
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -5,8 +5,6 @@ by their digests, and no connection, image, font, frame or form. What devices an
 JSON of the samples no "<" is left, so that nothing can end its element.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

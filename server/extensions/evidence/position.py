@@ -8,8 +8,6 @@ A quantity in an earth-centred frame is a position in disguise: compared with th
 latitude and longitude.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Request for evidence: POST /api/recordings/{recording}/evidence. Times are unix seconds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 

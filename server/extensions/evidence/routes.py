@@ -1,7 +1,5 @@
 """Route of evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 

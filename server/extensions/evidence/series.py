@@ -7,8 +7,6 @@ Times are whole ticks from the beginning of the range, 32 bits; values are 32-bi
 64-bit. Curves with the same times share them. A line is broken where samples are missing, judged from all samples.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import math

@@ -6,8 +6,6 @@ The request comes on standard input, one JSON object: store, out, about (content
 output is as that of server/library/export_worker.py.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

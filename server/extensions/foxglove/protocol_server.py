@@ -13,8 +13,6 @@ The network runs in its own thread. A stalled viewer fills its own queue and los
 Source: Foxglove WebSocket protocol v1 (foxglove/ws-protocol, docs/spec.md).
 """
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import contextlib

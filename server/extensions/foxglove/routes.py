@@ -2,8 +2,6 @@
 (server/extensions/foxglove/service.py).
 """
 
-from __future__ import annotations
-
 from fastapi import WebSocket
 
 from imuscope.server.api.dependencies import TheServices

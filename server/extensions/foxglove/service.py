@@ -11,8 +11,6 @@ The protocol runs in a subprocess (server/extensions/foxglove/worker.py), which 
 restarted after a crash with growing delays.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Settings of the Foxglove protocol."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from typing import Annotated

@@ -12,8 +12,6 @@ foxglove.Log (recordings/exporters/standard_schemas.py). A channel is requested 
 subscribers. The protocol itself is in server/extensions/foxglove/protocol_server.py.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import threading

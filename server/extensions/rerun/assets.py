@@ -8,8 +8,6 @@ The program would store settings in the home folder and report its use to its ma
 folder with reporting switched off. Its own index page is not used, because it refers to other hosts.
 """
 
-from __future__ import annotations
-
 import gzip
 import os
 import re

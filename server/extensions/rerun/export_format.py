@@ -3,8 +3,6 @@
 Rerun is imported when the first such file is written: that takes a second, which other users should not wait for.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.recordings.exporters.registry import ExportFormat, register_exporter

@@ -11,8 +11,6 @@ The page may connect to this server only. The viewer would ask its makers' hosts
 opened; the page's script and the content-security policy both block that.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import gzip

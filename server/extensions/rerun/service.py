@@ -11,8 +11,6 @@ batches and is sent their number, so that it shows live data however slow it is.
 ends after `IDLE_S` without viewers.
 """
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import contextlib

@@ -1,7 +1,5 @@
 """Settings of Rerun."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The request comes on standard input, one JSON object: store, title, t0, t1, most
 while it is made: a slow reader slows it down, and if the reader disconnects it ends, because writing fails.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys

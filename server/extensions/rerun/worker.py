@@ -11,8 +11,6 @@ there are 20 batches a second, regardless of the rates of the devices. Messages 
 viewer, all data is sent there instead, at the rate it accepts; the messages are then those of service.py.
 """
 
-from __future__ import annotations
-
 import base64
 import os
 import time

@@ -8,8 +8,6 @@
 At rest and level a device reports an acceleration of +g upwards: z is +9.81 in FLU, −9.81 in FRD.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -13,8 +13,6 @@ segment of a clock begins, unix s by device.
 Source: rosbag2 (docs.ros.org), "metadata.yaml", version 8, which Humble reads as well.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from operator import itemgetter

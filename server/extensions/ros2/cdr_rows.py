@@ -12,8 +12,6 @@ are 0.
 Source: OMG CDR (formal/2002-06-51, 15.3), XCDR1 as in DDS; the fields of a type come from type_support.py.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator, Mapping
 from typing import Any

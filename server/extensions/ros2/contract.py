@@ -11,8 +11,6 @@ not announced within START_S ──┐
 differs for LASTS_S ───────────┴─> broken: an event, and the reason in the list of topics ── as agreed ──> an event
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

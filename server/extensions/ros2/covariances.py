@@ -10,8 +10,6 @@ By hand they are those of one sample, in SI units and rad. A data sheet and a me
 of a sample is then density² × rate / 2, and that of Allan's random walk, which is density / √2, walk² × rate.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import re

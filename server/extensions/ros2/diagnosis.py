@@ -1,7 +1,5 @@
 """Check of `imuscope doctor`: is the router of ROS 2 there?"""
 
-from __future__ import annotations
-
 import socket
 from collections.abc import Iterator
 

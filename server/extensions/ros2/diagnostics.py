@@ -6,8 +6,6 @@
 The uncertainty of stamps is among the values: ± of the mapping from the device's time to the host's, ms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -9,8 +9,6 @@ analysis with it: `imuscope analyse FILE allan --format kalibr` writes it.
 Source: M. Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR 35 (2016), and the files of the data sets.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Entry point of the exports for programs of ROS: bags in both storages, and EuRoC folders. None needs ROS or Zenoh."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -5,8 +5,6 @@ says whether a publisher has a subscriber anywhere: without one, nothing is made
 which types, is read from their tokens.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Sequence

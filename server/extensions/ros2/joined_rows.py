@@ -7,8 +7,6 @@ Channels of one message of the device have the same times and arrive together. A
 arrive a moment later: rows of the driver wait for it, at most WAIT.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

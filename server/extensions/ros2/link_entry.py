@@ -1,7 +1,5 @@
 """Entry point of the link to ROS 2: registers it where its packages are installed."""
 
-from __future__ import annotations
-
 from imuscope.recordings.optional_packages import lacks
 from imuscope.server.extensions.ros2 import EXTENSION
 

@@ -1,7 +1,5 @@
 """Builders of messages of ROS 2 from the samples of a device, and what they have in common. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -21,8 +21,6 @@ heading that is not has the variance of an angle that may be anything, π²/3.
 Source: common_interfaces (Jazzy), REP 103, REP 105, REP 145.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 import numpy as np

@@ -11,8 +11,6 @@ attitude of unknown accuracy has the variance of an angle that may be anything, 
 Source: common_interfaces (Jazzy); REP 103, REP 105: the pose is in header.frame_id, the twist in child_frame_id.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.protocols.rotations import to_body

@@ -1,7 +1,5 @@
 """Routes of ROS 2: state of the publisher, one switch for each topic."""
 
-from __future__ import annotations
-
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices

@@ -8,8 +8,6 @@ The session runs in a subprocess (server/extensions/ros2/worker.py), which is st
 after a crash with growing delays. An absent router is not an error: Zenoh tries again, and the events say so.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

@@ -3,8 +3,6 @@
 Source: ROS 2 documentation, "The ROS_DOMAIN_ID"; REP 144 and "Topic and service name mapping" of the design of ROS 2.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -6,8 +6,6 @@
 The library is imported on first use, which takes some 0.3 s.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -13,8 +13,6 @@ What a device sends becomes messages in messages.py, its figures in diagnostics.
 requested, and a message made, only while its topic has a subscriber.
 """
 
-from __future__ import annotations
-
 import socket
 import threading
 import time

@@ -7,8 +7,6 @@ What a client writes is taken from its frames, once the device has acknowledged 
 interrupt the measurement that the client waits for, and no user has requested it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections import deque

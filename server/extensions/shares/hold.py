@@ -3,8 +3,6 @@
 This process becomes the holder (server/extensions/shares/holder), so that nothing heavy stays in memory.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

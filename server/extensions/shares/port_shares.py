@@ -7,8 +7,6 @@
 A device whose port is not shared yet keeps its session: only its link is replaced.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence

@@ -8,8 +8,6 @@ machine code. It has no numpy, so all arguments are numbers, and it loads the fu
 that its starter names (`place`). The rest comes back through a pipe, which needs no address of memory.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Routes of shared ports: which shares there are, who is at them, add and end them."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from fastapi import Path, Query

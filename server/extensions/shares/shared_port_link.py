@@ -6,8 +6,6 @@ The holder is started when it is not there yet, and stays when this server ends.
 which stamps right after it read. What the clients of the shares send is passed on to `on_client_data`.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

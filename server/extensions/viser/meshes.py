@@ -10,8 +10,6 @@ whatever their unit.
 Source: glTF 2.0 (Khronos), section 4.4; StereoLithography Interface Specification, 3D Systems, October 1989.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import struct

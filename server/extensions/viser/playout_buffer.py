@@ -9,8 +9,6 @@ So motion on screen is as even as in the device, although there are half as many
 delays. Each message costs the server a pass through its decoders; showing a row costs next to nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from typing import Any

@@ -7,8 +7,6 @@ Gravity is the opposite of the acceleration measured at rest; gravity and field 
 recordings/exporters/entities.py chooses the channels of attitude and position, so that all views agree.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

@@ -8,8 +8,6 @@ is smooth:
 The newest row at the playhead is shown. A track restarts when the playhead has jumped.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -7,8 +7,6 @@ GET /api/views/scene?device=ID      begins a scene (without a device: all device
                                                         ──> {"t": unix s, "rate": recorded seconds per second}
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 from typing import Annotated

@@ -16,8 +16,6 @@ Only server/extensions/viser/worker.py imports this: viser takes seconds to impo
 only in `_restrict_clients` (its message handlers), `_at_once` (its send buffer) and `_turn` (a message).
 """
 
-from __future__ import annotations
-
 import math
 import threading
 import time

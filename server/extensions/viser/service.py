@@ -14,8 +14,6 @@ reached through server/integrations/proxy.py. Its page opens a WebSocket at its 
 A viser that crashes repeatedly is not started more than `MAX_STARTS` times in `STARTS_WITHIN_S`.
 """
 
-from __future__ import annotations
-
 import asyncio
 import secrets
 import time

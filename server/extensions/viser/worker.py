@@ -9,8 +9,6 @@ Samples arrive 30 times a second and are shown 60 times a second, each row in it
 (server/extensions/viser/playout_buffer.py). Nothing is sent while nothing moves.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any

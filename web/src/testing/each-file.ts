@@ -32,7 +32,7 @@ if (typeof document !== "undefined") {
   const { cleanup, configure, prettyDOM } = await import("@testing-library/preact");
   configure({ asyncUtilTimeout: PATIENCE.timeout, getElementError: lazyError });
 
-  /** Printing the document with each element that is not there yet took a fifteenth of the time: it is printed when somebody reads it. */
+  /** Printing the document for each element that is still missing took a fifteenth of the time: it is printed when it is read. */
   function lazyError(words: string | null, container: Element): Error {
     let text: string | undefined;
     const error = new Error();

@@ -16,8 +16,6 @@ if the residual is larger where the signals move. The noise of both sides is in 
 clocks that put the samples in time are not in it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -7,8 +7,6 @@
 A is the reference, so a difference is B − A, at the times of A. An angle differs by the shorter way round.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -2,8 +2,6 @@
 attitudes. A side is what reads samples: of a live device, of a recording, or of a file.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

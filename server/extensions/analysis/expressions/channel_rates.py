@@ -1,7 +1,5 @@
 """Rates of live channels, as expressions that look along time need them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Functions of expressions, one row each: what they take, and how they are computed over columns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

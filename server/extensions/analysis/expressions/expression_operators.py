@@ -1,7 +1,5 @@
 """Operators of expressions: arithmetic, comparison and logic, with units carried and checked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction

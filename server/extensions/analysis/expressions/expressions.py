@@ -1,7 +1,5 @@
 """Evaluation of expressions over columns, live and recorded alike."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches

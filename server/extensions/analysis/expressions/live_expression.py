@@ -11,8 +11,6 @@ looking ahead would give (expressions.py), however they are cut into batches. A 
 combination of channels when the slower one has arrived.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

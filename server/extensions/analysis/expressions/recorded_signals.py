@@ -6,8 +6,6 @@ So plots, values and exports have them without knowing of expressions. Filters a
 forwards and backwards. A definition that does not fit the recording is an event, and the rest is opened.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

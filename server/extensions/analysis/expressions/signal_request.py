@@ -1,7 +1,5 @@
 """Signals as a request names them: columns of channels, or expressions over them."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Routes of computed signals: their definitions, and what an expression may consist of."""
 
-from __future__ import annotations
-
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices

@@ -1,7 +1,5 @@
 """Computed signals of a server that starts: those stored. Without any, the first request makes their service."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from imuscope.server.library.signal_definitions import FILE

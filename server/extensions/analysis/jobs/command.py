@@ -1,7 +1,5 @@
 """Arguments of `imuscope analyse`, its help, and what it does with them."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """`imuscope analyse A comparison --with B --signal …`: compare signals of two files on one axis of time."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from typing import TextIO

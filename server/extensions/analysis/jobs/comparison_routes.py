@@ -1,7 +1,5 @@
 """Routes that compare two sides: signals of two sources or ranges, and settings of two devices."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ Samples in memory are sent: the columns that the job reads, in its range, and th
 recording is opened where the job runs. The answer are the bytes of the response.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

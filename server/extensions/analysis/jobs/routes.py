@@ -1,7 +1,5 @@
 """Routes of analyses: figures of signals, of a recording or of a live device, as JSON or Arrow."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Awaitable, Callable

@@ -6,8 +6,6 @@ It is a fork server (server/system/fork_server.py): it imports what analyses nee
 of a job has the facts {"media"}, or {"kind", "message", "hint"} of an error.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import traceback

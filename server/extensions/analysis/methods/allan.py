@@ -5,8 +5,6 @@ of the device is removed (thermal_drift.py). The result states how much of both.
 across a gap. Parameters and verdicts come only if what they presuppose was found (preconditions.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Samples of a signal or of an expression, as they are: for programs, and to see what an expression gives."""
 
-from __future__ import annotations
-
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.registry import Analysis, Result, Settings, register_analysis
 from imuscope.server.extensions.analysis.signals.signals import Signal

@@ -5,8 +5,6 @@ where the middle half of the samples has one value, that of Scott. Samples beyon
 An angle that wraps is turned by whole turns to lie within half a turn of its mean.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.recordings.columns.statistics import statistics_of

@@ -4,8 +4,6 @@ An interval begins at the first sample at which the condition is true and ends a
 request gets a page of them: those that begin after one time and before another, from either end.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.server.errors import DomainError

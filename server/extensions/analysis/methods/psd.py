@@ -4,8 +4,6 @@ Segments lie within the runs of a signal (sampling.py), so no gap is bridged. Wh
 result equals that of scipy.signal.welch with the same options.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -3,8 +3,6 @@
 Segments lie within the runs of a signal (server/extensions/analysis/signals/sampling.py): in a gap there is no column.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -6,8 +6,6 @@ integral. `slope` is that of the least-squares line, `integral` by the trapezoid
 hold for unevenly spaced samples. Where the clock steps (recordings/tables/clocks/steps.py) neither goes across.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 

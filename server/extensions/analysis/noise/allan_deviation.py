@@ -9,8 +9,6 @@ Sources: W. J. Riley, Handbook of Frequency Stability Analysis, NIST Special Pub
 deviation in 5.2.4, its degrees of freedom by type of noise in table 5.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

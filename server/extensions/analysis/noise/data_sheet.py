@@ -5,8 +5,6 @@ makers mean the random walk itself; therefore a random walk counts as met up to 
 says so. "In-run bias stability" is the lowest part of the Allan deviation; it is met if that is surely not larger.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping

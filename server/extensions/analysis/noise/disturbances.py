@@ -11,8 +11,6 @@ Allan variance of a line of rms r and frequency f, of samples at a rate s and m 
     σ² = 2 r² sin⁴(π f m/s) / (m² sin²(π f/s))
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

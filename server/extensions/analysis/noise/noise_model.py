@@ -12,8 +12,6 @@ Source: IEEE Std 952-1997, annex C. The squares are fitted without negative valu
 weights of the relative variance 2/ν of a deviation of ν degrees of freedom.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -191,7 +189,7 @@ def _misfit(columns: Table, variance: Floats, weight: Floats, terms: list[int]) 
 
 
 def _standard_errors(columns: Table, weight: Floats, terms: list[int]) -> dict[int, float]:
-    """Of the squares of the terms kept."""
+    """Standard errors of the squares of the kept terms."""
     scaled = columns[:, terms] * weight[:, None]
     size = np.maximum(np.linalg.norm(scaled, axis=0), TINY)
     inverse = np.linalg.pinv((scaled / size).T @ (scaled / size), rcond=1e-12)

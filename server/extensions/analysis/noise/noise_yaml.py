@@ -8,8 +8,6 @@ Of several axes the noisiest one counts. A parameter that a curve does not show 
 comment says so.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

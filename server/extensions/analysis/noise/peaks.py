@@ -8,8 +8,6 @@ frequency of a sine in white noise (Rife and Boorstyn, IEEE Trans. Inf. Theory 2
 segments that the degrees of freedom stand for and the loss of the window; and the error of the interpolation.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -9,8 +9,6 @@ made because the device does not send it is stated too (`unchecked`).
 A new check is a function of `Measured` that returns an Obstacle or None, in CHECKS.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ Each file of `methods/` registers an analysis when it is imported, and so does e
 entry-point group `imuscope.analyses` of another package. docs/add-an-analysis.md explains how to write one.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Results of analyses as JSON and as an Arrow table."""
 
-from __future__ import annotations
-
 import io
 import math
 import os

@@ -11,8 +11,6 @@ its own noise and steps do not get into the signal. This is the usual correction
 952, annex C: trends are estimated and removed, since they are not noise).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -3,8 +3,6 @@
 Sources: P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73, for the variance of overlapping segments.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

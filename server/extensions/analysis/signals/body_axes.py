@@ -6,8 +6,6 @@
 Numbers of different axes are never subtracted: signals that cannot be converted are refused.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

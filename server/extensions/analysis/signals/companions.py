@@ -7,8 +7,6 @@
 A gyroscope that turns steadily looks like one at rest with a bias; gravity and the attitude distinguish the two.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -7,8 +7,6 @@ Thinned pairs are samples as well: of each interval the first, the last and thos
 y, so that no extreme is lost. web/src/extensions/xy/pairs.ts does the same with what a page holds.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -8,8 +8,6 @@ Noise is judged while the sensor rests. Two judgements are made, and both have t
                 the windows beside it. White noise of any level never does so; a slow drift does not either.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

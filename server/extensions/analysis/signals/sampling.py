@@ -4,8 +4,6 @@ Spectra and Allan deviations need evenly spaced samples. Nothing is resampled fo
 spaced, and the result states how far its sample times are from that.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

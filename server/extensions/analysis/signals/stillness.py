@@ -8,8 +8,6 @@ A gyroscope that turns steadily without change looks like one at rest with a bia
 unless its axis is vertical. Limits are for motion by hand or vehicle; they do not depend on the grade of the sensor.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ denied: other names, reading anything of another robot, and requests to the page
 revokes a robot.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Loss is that of the last minute, from the counters of a device. It is unknown fo
 samples, until a device has lost some after all.
 """
 
-from __future__ import annotations
-
 import re
 from collections import deque
 from collections.abc import Iterable, Mapping

@@ -8,8 +8,6 @@ the same digest, and a fleet server needs the values of a thousand equal robots 
 little as all else there: `decode_settings` raises ReportError and nothing else, and a digest is calculated again.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -6,8 +6,6 @@ user = "otter-7"
 password = "@/etc/imuscope/fleet-password"
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated
 

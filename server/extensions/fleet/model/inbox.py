@@ -3,8 +3,6 @@
 Messages that do not fit are dropped and counted; the receiver notices by the numbers of the stream.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging
@@ -38,7 +36,7 @@ class Inbox:
         self._size = 0
 
     def start(self) -> None:
-        """Begin to handle messages in the running loop. Those of before are dropped."""
+        """Begin to handle messages in the running loop. Earlier ones are dropped."""
         self._loop = asyncio.get_running_loop()
 
     def put(self, sender: str, data: bytes) -> None:

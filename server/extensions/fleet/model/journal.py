@@ -13,8 +13,6 @@ power cut loses the last SYNC_AWAY_S, or SYNC_S while the fleet server receives 
 logged, and tried again.
 """
 
-from __future__ import annotations
-
 import logging
 import secrets
 import threading

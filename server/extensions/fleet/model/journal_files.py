@@ -12,8 +12,6 @@ start of the robot begins a new one. Reports that are in two files, because file
 A status is not written: the next run has its own. So a robot to which nothing happens writes nothing.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

@@ -9,8 +9,6 @@ imuscope/1/robots/NAME/pages/answer/SERVER    the robot's answers
 imuscope/1/fleet/clock                queryable of the fleet server: its time
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 

@@ -1,7 +1,5 @@
 """Names of users who do something for a fleet."""
 
-from __future__ import annotations
-
 from imuscope.server.errors import DomainError
 
 MAX_BY = 60  # characters

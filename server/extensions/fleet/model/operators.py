@@ -6,8 +6,6 @@ by removing its line; one that cannot be read any more gives no rights to anybod
     ada:a-token-of-20-characters-or-more:otters,foxes
 """
 
-from __future__ import annotations
-
 import hmac
 import logging
 import re

@@ -4,8 +4,6 @@ Each visible change of a robot has the next revision. Revisions of a server begi
 of an earlier run are older than all of this one: a request with one of them is answered with everything.
 """
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Mapping

@@ -11,8 +11,6 @@ A rollout:
     running ─> done │ failed │ stopped │ interrupted (this server ended)
 """
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Literal

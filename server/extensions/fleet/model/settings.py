@@ -1,7 +1,5 @@
 """Settings of the fleet: three tables of the file."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Mapping

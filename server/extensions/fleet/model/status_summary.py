@@ -1,7 +1,5 @@
 """The status of a robot, as it reports it, as the summary that the page shows."""
 
-from __future__ import annotations
-
 import msgspec
 
 from imuscope.server.extensions.fleet.model.reports import RobotStatus

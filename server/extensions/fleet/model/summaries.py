@@ -5,8 +5,6 @@ So a figure keeps its value until it differs from it by a step: 1 % of a rate, 0
 "unknown" are never kept: the first lost sample is seen at once.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

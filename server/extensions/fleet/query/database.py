@@ -4,8 +4,6 @@ The number of the last report of a robot and the events of that report are writt
 exactly the missing reports are requested from the robot, and none is stored twice.
 """
 
-from __future__ import annotations
-
 import contextlib
 import sqlite3
 import threading

@@ -3,8 +3,6 @@
 To add one, add a row; docs/fleet.md lists them, and a test asks each of an empty store and of recordings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

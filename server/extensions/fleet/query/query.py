@@ -5,8 +5,6 @@ from an Arrow dataset (delta_dataset.py). It requests the columns and rows that 
 question needs; nothing is copied into a database. SQL has no access to files, the network or DuckDB's settings.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import threading
@@ -182,7 +180,7 @@ def _stored(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: 
 
 
 def _view(connection: duckdb.DuckDBPyConnection, stored: _Stored, sql: str) -> None:
-    """Define a table as a view. Its name and those of its own columns are ours, all others are of any robot."""
+    """Define a table as a view. Its name and its own columns are trusted; all other names come from robots."""
     table = stored.table
     if stored.files is not None:
         _define(connection, f"CREATE VIEW stored_{table.name} AS SELECT * FROM {stored.files.sql}")

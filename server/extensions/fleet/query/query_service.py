@@ -6,8 +6,6 @@ A question ends with its client: closing the answer, or cancelling the wait for 
 that does not end by itself in its time is killed.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import itertools

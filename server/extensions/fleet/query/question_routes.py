@@ -1,7 +1,5 @@
 """Routes of questions about the store of recordings, in SQL (docs/fleet.md)."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 from contextlib import AsyncExitStack

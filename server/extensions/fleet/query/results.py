@@ -9,8 +9,6 @@ Times are ISO 8601 in UTC with Z; a value that is missing or not finite is null 
 are written in full, whatever their size.
 """
 
-from __future__ import annotations
-
 import base64
 import csv
 import io

@@ -1,7 +1,5 @@
 """Check of `imuscope doctor`: can the store of recordings be used?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from importlib.util import find_spec
 

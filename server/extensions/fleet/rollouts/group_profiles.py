@@ -8,8 +8,6 @@ A profile is for a product: a group with two products has two. It is taken from 
 <data>/fleet/profiles.json with who did so and when. Settings of robots are in memory only, because robots have them.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import OrderedDict

@@ -9,8 +9,6 @@ A write is sent once. A line that fails while the device is only read does no ha
 was lost has arrived is looked up, never guessed.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections import deque
 from collections.abc import Awaitable, Callable, Sequence

@@ -9,8 +9,6 @@ lists the interrupted devices, and nothing is sent again. A user makes a new pla
 that time.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import time

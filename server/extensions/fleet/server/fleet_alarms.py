@@ -8,8 +8,6 @@ second. Of a robot that is lost only "lost" is judged: its other alarms stay as 
 kept over a restart, in <data>/fleet/alarms.json.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

@@ -1,7 +1,5 @@
 """Argument parser of `imuscope fleet`."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

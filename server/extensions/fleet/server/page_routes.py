@@ -4,8 +4,6 @@ The page itself is that of the fleet server, never a file of a robot: a robot de
 in the browser of a user who may command others. No browser shows its answers as a page (`SANDBOX`).
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import html

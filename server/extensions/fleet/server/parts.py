@@ -3,8 +3,6 @@
 Those of a robot and of a fleet server are imported where they are configured: most servers are neither.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from imuscope.server.extensions.fleet.model.settings import FleetTables

@@ -1,7 +1,5 @@
 """Routes of a fleet server: settings of robots against the profiles of their groups."""
 
-from __future__ import annotations
-
 import time
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Routes of a fleet server: its robots and their events."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Annotated
 

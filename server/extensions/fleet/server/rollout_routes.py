@@ -1,7 +1,5 @@
 """Routes of a fleet server: the profile of a group, applied to its robots in waves."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from fastapi import Query

@@ -1,7 +1,5 @@
 """Commands on a store of recordings, run with their options: `upload`, `query`, `compact`."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import sys

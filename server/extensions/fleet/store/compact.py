@@ -5,8 +5,6 @@ stay too, for readers that opened them, until files are removed that no commit o
 upload that was cut off are among them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

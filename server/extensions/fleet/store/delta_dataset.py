@@ -6,8 +6,6 @@ its columns. So it is taken from the log here: the partition of each file, the b
 narrowed by, and the signals that it does not have.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 from urllib.parse import unquote

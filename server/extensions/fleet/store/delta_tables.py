@@ -6,8 +6,6 @@ and finds the first. So an upload that was killed, or that runs twice, adds its 
 not commit stay in the folder of the table; no reader sees them, and a vacuum removes them.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias

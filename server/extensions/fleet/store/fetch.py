@@ -1,7 +1,5 @@
 """A recording out of a store: its object into a file, compared with the checksum of its row."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 from collections.abc import Iterator

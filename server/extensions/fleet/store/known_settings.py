@@ -5,8 +5,6 @@ Configure is remembered, also over a restart of the server. A change made by oth
 next reading.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Rows of an opened recording for the small tables: recordings, devices, events, losses, settings."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -7,8 +7,6 @@ noise: motion and drift, which are smooth, hardly count. As a one-sided density 
 have it. A filter in the sensor makes it too small, vibration too great.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any

@@ -17,8 +17,6 @@ last arrivals that its channels have in it: all samples of its packets are then 
 a step of the host's clock, are taken as one window.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

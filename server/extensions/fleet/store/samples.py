@@ -9,8 +9,6 @@ signal's; if another signal has it already (such as another unit in other firmwa
 of a store never change their meaning, and old files stay readable.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

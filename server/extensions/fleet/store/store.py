@@ -9,8 +9,6 @@ Credentials come from the environment, or from the machine's role, never from th
 Requests that time out or are answered by 5xx are repeated with growing pauses by the libraries, for RETRY_S at most.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import re

@@ -9,8 +9,6 @@ is added here appears in a store with the next upload; rows that are older than 
 recording is not in it belong to an upload that was cut off, and the views leave them out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

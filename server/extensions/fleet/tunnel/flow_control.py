@@ -4,8 +4,6 @@ The receiver acknowledges the bytes it has delivered. If that took long, the win
 waits for a slow line or a slow browser waits at its origin, where live samples can be dropped, and not on the way.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections import deque
 

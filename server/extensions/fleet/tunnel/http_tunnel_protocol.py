@@ -17,8 +17,6 @@ are limited by a window (flow_control.py). docs/fleet.md is the specification. `
 raise TunnelMessageError and nothing else, for any bytes.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, TypeVar
 
 import msgspec

@@ -4,8 +4,6 @@ What becomes of a request that was sent and not answered is unknown (LineError).
 sent, has done nothing (DomainError). Answers are checked against a type, since nothing here trusts a robot.
 """
 
-from __future__ import annotations
-
 import asyncio
 from typing import Any, TypeVar
 

@@ -8,8 +8,6 @@ An upload that is cut off at any moment is finished by the next one of the same 
 the identifier of the recording, which follows from its content. An object is there whole or not at all.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 import unicodedata

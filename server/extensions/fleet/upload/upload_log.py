@@ -4,8 +4,6 @@ Only results are in it: stored, or refused because the file cannot be read. A re
 is pending. If the file is lost, every recording is checked again, and found in the store by its content.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection
 from dataclasses import asdict, dataclass

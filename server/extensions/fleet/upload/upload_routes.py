@@ -1,7 +1,5 @@
 """Routes of uploads to the store of recordings (docs/fleet.md)."""
 
-from __future__ import annotations
-
 from pydantic import BaseModel, Field
 
 from imuscope.server.api.dependencies import TheServices

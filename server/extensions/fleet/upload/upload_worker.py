@@ -10,8 +10,6 @@ With `recording` in the request, nothing is uploaded: {"confirmed": true} if the
 read again and compared by its checksum, and false with "words" if it has not.
 """
 
-from __future__ import annotations
-
 import errno
 import shutil
 import tempfile

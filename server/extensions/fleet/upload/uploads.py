@@ -10,8 +10,6 @@ With `keep_days` or `keep_gb`, recordings that the store has move to the bin, on
 before, the store's object is read and compared by its checksum.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

@@ -8,8 +8,6 @@ that happens only when the user brings the map to the front. Inside our page it 
 without one the track is shown on a plain ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 

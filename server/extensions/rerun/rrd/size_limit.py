@@ -9,8 +9,6 @@ together: up to WHOLE a range is opened whole; up to MAX_ROWS it is on request. 
     kept, most = 20 000          20 000    20 000    6 000      one of 45 samples of those that have the most
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

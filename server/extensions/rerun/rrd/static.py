@@ -7,8 +7,6 @@ directions.
 Colours are those of the page (web/src/ui/tokens.css, light theme): x, y and z are distinct for the colour-blind.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -10,8 +10,6 @@ sample, of values the least and the greatest of every range, of flags every chan
 thinned.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re
