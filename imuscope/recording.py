@@ -372,7 +372,7 @@ class Recording:
         self._finalizer()
 
 
-def open(
+def open(  # noqa: A001 (as gzip.open: read with its module)
     path: str | Path,
     *,
     protocol: str = "",

@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         reads_file = options.command in OF_FILES if own is None else own.reads_file
         with ending_by_exception() if reads_file else contextlib.nullcontext():
             if options.command not in ("serve", "doctor") and getattr(options, "data", None) is not None:
-                load(data=options.data)  # an error, where it is none, also of commands that hardly need it
+                load(data=options.data)  # an invalid folder is an error even of commands that hardly need it
             status = (_RUN[options.command] if own is None else own.run)(options) or 0
         sys.stdout.flush()
         return status
@@ -138,9 +138,9 @@ def _inspect(options: argparse.Namespace) -> None:
     from imuscope.server.commands.inspect import inspect_file
 
     decode_options = decode_options_of(options, "auto")
-    how = {name: getattr(options, name) for name in ("direction", "format", "rejects", "device")}
+    how = {name: getattr(options, name) for name in ("direction", "rejects", "device")}
     try:
-        inspect_file(path, sys.stdout, decode_options, notes=sys.stderr, **how)
+        inspect_file(path, sys.stdout, decode_options, notes=sys.stderr, text_format=options.format, **how)
     except OSError as error:
         if isinstance(error, BrokenPipeError) or error.errno in UNWRITABLE:
             raise

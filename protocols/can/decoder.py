@@ -39,7 +39,7 @@ from imuscope.protocols.native.kernels import INT, INTS, compiled
 from imuscope.protocols.schema.fields import Field, Message
 
 MASK, LAST, COUNT = range(3)
-"""Of the state: messages of the open group as bits, arrival of its newest frame, groups begun so far."""
+"""Indices of the state: messages of the open group as bits, arrival of its newest frame, number of groups so far."""
 STATES = 3
 PAUSE_NS = 50_000_000
 """Within a group: some 15 frames on a bus of 125 kbit/s that others use as well take 30 ms."""

@@ -49,7 +49,7 @@ def default_definition() -> CanDefinition:
 
 
 def read_definition(body: bytes) -> CanDefinition | None:
-    """The definition in the text of a line; None if it is none."""
+    """The definition in the text of a line; None if it is not one."""
     try:
         values = json.loads(body)
         name = str(values["kind"])
@@ -71,7 +71,7 @@ def step_line(by_ns: int) -> bytes:
 
 
 def read_step(body: bytes) -> int | None:
-    """The step in the text of a line, ns; None if it is none."""
+    """The step in the text of a line, ns; None if it is not one."""
     try:
         return int(json.loads(body)["step_ns"])
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
@@ -87,7 +87,7 @@ def number_of(text: str) -> int:
     """The number of an identifier as in a log; an `0x` before it may be there.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not one.
     """
     digits = text.strip().lower().removeprefix("0x")
     number = int(digits, 16)

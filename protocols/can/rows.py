@@ -42,7 +42,7 @@ class CanRow:
 
     @property
     def name(self) -> str:
-        """Of the message, which is that of its quantity."""
+        """Name of the message, which is that of its quantity."""
         return self.field.name
 
     def column(self, payloads: Payloads) -> Array:

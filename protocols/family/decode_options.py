@@ -146,7 +146,7 @@ def merged(options: Iterable[DecodeOption]) -> dict[str, DecodeOption]:
     """Options of several families by name: choices and scopes of those with one name are added up.
 
     Raises:
-        ValueError: two have one name and are of different kinds.
+        ValueError: two have the same name but different kinds.
     """
     by_name: dict[str, DecodeOption] = {}
     for option in options:

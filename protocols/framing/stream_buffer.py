@@ -139,7 +139,7 @@ class StreamBuffer:
 
     @property
     def arrived_at_once(self) -> bool:
-        """Whether all bytes kept are of one chunk."""
+        """Whether all buffered bytes came in one chunk."""
         return len(self._arrivals) == 2
 
     def same_arrivals(self, n: int) -> Ints:

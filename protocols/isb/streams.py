@@ -91,7 +91,7 @@ class StreamRow:
         counted: whether it is a list of variable length.
         pace: the source that times it: NAV, IMU, SLOW, GNSS, FAST or EVENT.
         rmc_bit: its bit of DID_RMC; -1: by GET_DATA only.
-        basic: whether it is of common interest.
+        basic: whether most users want it.
     """
 
     did: int

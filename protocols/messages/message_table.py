@@ -40,7 +40,7 @@ def scan_messages(data: Bytes, at: int, longest: int, table: Ints) -> tuple[int,
     """Write the whole message records from `at` on into the columns of `table`.
 
     Args:
-        longest: bytes after the length; a longer record is none.
+        longest: bytes after the length; a longer one is not a record.
         table: (RECORD_QUANTITIES, columns), written. START and SIZE are those of the record in `data`.
 
     Returns:

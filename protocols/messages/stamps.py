@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Ints
 
-LATE_NS, AHEAD_NS = 60_000_000_000, 5_000_000_000  # a stamp earlier or later than that is of another clock
+LATE_NS, AHEAD_NS = 60_000_000_000, 5_000_000_000  # an earlier or later stamp comes from another clock
 BACK_NS = 1_000_000_000
 STEP_BACK_NS = 50_000_000  # messages overtake each other by less
 LEAST, LEAST_IN_ALL = 20, 100  # stamps in a row in one block; in several

@@ -174,7 +174,7 @@ class Kernel:
 
 
 KERNELS: dict[str, Kernel] = {}
-"""Of the modules imported so far, by their dotted names."""
+"""Kernels of the modules imported so far, by dotted name."""
 _by_callable: dict[int, Kernel] = {}
 
 

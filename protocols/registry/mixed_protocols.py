@@ -90,7 +90,7 @@ class MixedProtocolDetector:
             other.feed(data, final=final, believed=True)
             ready = int(np.searchsorted(other.spans[1], own.decided, side="right"))
             begins, ends = other.spans[:, :ready]
-            # Of the own frames that begin before the end of one, the last must have ended before it begins.
+            # The last own frame that begins before another one ends must have ended before that one begins.
             before = np.searchsorted(own.spans[0], ends)
             last = np.concatenate(([0], own.spans[1]))[before]
             if free := int((last <= begins).sum()):

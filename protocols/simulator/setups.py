@@ -63,7 +63,7 @@ class SensorSetup:
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> SensorSetup:
-        """Of the options of a request."""
+        """The setup that the options of a request describe."""
         return cls(*(options[option.name] for option in SETUP_OPTIONS))
 
     def motion_at(self, t: Array) -> MotionState:

@@ -36,7 +36,7 @@ class Model:
         number: as in the document's product rows (710 for the MTi-G-710, 680 for the MTi-680G).
         series: 1, 10, 100 or 600; the MTi-G-710 belongs to the 100-series.
         early: its hardware is older than version 2.0.
-        late: its hardware is of version 2.0 or newer.
+        late: its hardware has version 2.0 or newer.
     """
 
     name: str

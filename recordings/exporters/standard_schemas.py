@@ -76,7 +76,7 @@ def fixes(
 
 
 def heights(height_times: Times, values: Array, times: Times) -> Array:
-    """Heights from a channel of their own: of the same moment, else the last before; 0 if there are none.
+    """Heights from a separate channel: at the same time, else the last one before; 0 if there are none.
 
     Args:
         height_times, values: (m,) their times, ns, and heights, m.

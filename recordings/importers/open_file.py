@@ -83,13 +83,13 @@ class CaptureSource:
     def __init__(
         self,
         files: list[Path],
-        format: str,
+        format_name: str,
         protocol: str = "",
         about: Mapping[str, str] = {},
         score: float = GUESS_SCORE,
     ) -> None:
         self.path = files[0]
-        self.format = format
+        self.format = format_name
         self.header: Mapping[str, str] = {}
         self._files = files
         self._size = sum(file.stat().st_size for file in files)
@@ -351,7 +351,7 @@ def _damaged(path: Path, frames: str) -> RecordingError:
 
 
 def _is_no_table(path: Path, head: bytes) -> bool:
-    """Whether the first bytes of a file are of a format that is not read."""
+    """Whether the first bytes of a file are those of an unsupported format."""
     known = known_file(head)
     return known is not None and not (known.may_be_table and is_table(path))
 

@@ -27,7 +27,7 @@ FIRST_ROWS = 8
 
 
 def table_of(source: Source) -> CsvSource | None:
-    """The table of a source, the first of an archive; None if it is none."""
+    """The table of a source, the first of an archive; None if it is not one."""
     if isinstance(source, TableSource) and source.members:
         return table_of(source.members[0])
     return source if isinstance(source, CsvSource) else None
@@ -48,7 +48,7 @@ def question_of(path: Path) -> TableQuestion | None:
 
 
 def heading_of(path: Path) -> list[str]:
-    """Heading of the table at `path`; [] if it is none, or cannot be opened."""
+    """Heading of the table at `path`; [] if it is not a table, or cannot be opened."""
     try:
         table = table_of(open_file(path))
     except (OSError, RecordingError):

@@ -5,8 +5,8 @@
                         v
     ReadFollower: [memory, partly written] [memory] [memory being filled] ──> the recording's writer, from machine code
 
-A follower has all reads from the moment at which it was made, however late it takes them: a memory that has one is not
-used again. Who makes, ends or extends a follower holds a lock; who takes needs none.
+A follower gets every read since it was created, however late it takes them: a memory with a follower is not reused.
+Creating, ending or extending a follower needs the lock; taking from one does not.
 """
 
 from __future__ import annotations

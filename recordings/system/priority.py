@@ -23,7 +23,7 @@ def raise_priority() -> bool:
 
 
 def has_raised_priority(pid: int) -> bool:
-    """Whether a process comes before others. OSError: there is none."""
+    """Whether a process has raised priority. OSError: no such process."""
     return (
         os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR or os.getpriority(os.PRIO_PROCESS, pid) < 0
     )

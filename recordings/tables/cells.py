@@ -150,7 +150,7 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
 
 
 def _known(clock: TableClock, values: Floats) -> Floats:
-    """Times without zeros where the others are dates: they are of before the clock was set."""
+    """Times with NaN for each zero, if the clock counts dates: the logger's clock was not set yet."""
     is_date = clock.epoch == "1970" and clock.kind in ("number", "parts") and not clock.zero_s
     return np.where(values == 0, np.nan, values) if is_date else values
 

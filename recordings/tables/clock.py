@@ -29,7 +29,7 @@ class TableClock:
         readings: of a unit that is open.
         rank: before others, least first.
         zone: by which a text without a zone is ahead of UTC, s.
-        part: s per number of the last column, which is a part of a second; 0 if it is none.
+        part: s per number of the last column, which is a part of a second; 0 if it is not one.
         base: of the digits.
     """
 

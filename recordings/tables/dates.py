@@ -132,7 +132,7 @@ def _date(text: str) -> tuple[_Date, str] | None:
 
 
 def _year(text: str) -> int:
-    """A year of two or four digits; of two, 70 to 99 are of the last century, as everywhere."""
+    """A year of two or four digits. As usual, two-digit years 70 to 99 belong to the last century."""
     return int(text) + (0 if len(text) > 2 else 1900 if int(text) >= OLD_YEARS else 2000)
 
 

@@ -128,7 +128,7 @@ def format_of(path: Path, *, may_be_narrow: bool = False) -> TableFormat:
         may_be_narrow: whether one column of numbers is a table; else it lacks a time.
 
     Raises:
-        RecordingError: it is none.
+        RecordingError: it is not one.
     """
     with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace", newline="") as file:
         lines: list[str] = []

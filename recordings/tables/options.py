@@ -68,7 +68,7 @@ class FileReading:
 
 
 def reading_from(body: Any) -> FileReading | None:
-    """Choices in parsed JSON; None if it is none. A value of the wrong type is ignored."""
+    """Choices in parsed JSON; None if it is not one. A value of the wrong type is ignored."""
     if not isinstance(body, Mapping):
         return None
 
@@ -93,7 +93,7 @@ def over(options: TableOptions, stored: TableOptions) -> TableOptions:
     """Options of a command, completed by those stored with a file."""
     columns = {**stored.columns, **options.columns}
     if options.time_column and options.time_column != stored.time_column:
-        return replace(options, columns=columns)  # the others are of another column
+        return replace(options, columns=columns)  # the other choices belong to another column
     has_unit = bool(options.unit or options.rate)
     return TableOptions(
         options.time_column or stored.time_column,

@@ -98,8 +98,8 @@ class TableSource:
     axis: TimeAxis | None = None
     members: Sequence[TableSource] = ()
 
-    def __init__(self, path: Path, format: str) -> None:
-        self.path, self.format = path, format
+    def __init__(self, path: Path, format_name: str) -> None:
+        self.path, self.format = path, format_name
         self.header: Mapping[str, str] = {}
         self.devices = {DEVICE: SourceDevice(DEVICE, "", {"source": path.name, "name": path.stem})}
         self.damage: list[FileDamage] = []

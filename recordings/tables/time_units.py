@@ -91,7 +91,7 @@ def in_order(times: Floats) -> Floats:
 
 
 def usual_step(times: Floats) -> float:
-    """Median step between neighbours that advance; 0 if none does. Of few, between two, the smaller one: the other may
+    """Median step between neighbours that advance; 0 if none does. With few steps the lower median: the other may
     be that of a clock that is set.
     """
     steps = _advances(times)
@@ -127,7 +127,7 @@ def possible_units(
         rate: sampling rate that is known from elsewhere, Hz; 0: unknown.
     """
     begin = int(np.flatnonzero(times)[0]) if times.any() else 0
-    is_unset = len(times) - begin > 1 and times[begin] > np.ptp(times[begin:])  # zeros of before the clock was set
+    is_unset = len(times) - begin > 1 and times[begin] > np.ptp(times[begin:])  # zeros: the clock was not set yet
     times = times[begin:] if is_unset else times
     step = mean_step(times)
     each = len(times) / max(len(np.unique(times)), 1)  # rows of one time: several samples, by a clock that is coarse

@@ -89,10 +89,10 @@ async def get_snapshot(
     name: str,
     controller: OneController,
     controllers: AllControllers,
-    format: Annotated[Literal["yaml", "json"], Query()] = "yaml",
+    text_format: Annotated[Literal["yaml", "json"], Query(alias="format")] = "yaml",
 ) -> Response | SnapshotBody:
     """A snapshot as YAML for reading, or as JSON for programs."""
-    if format == "json":
+    if text_format == "json":
         return plain_body(await _load(controller, controllers, name), name)
     try:
         text = await asyncio.to_thread(controllers.snapshots.text, *_identity(controller), name)
@@ -210,7 +210,7 @@ def _device(controller: DeviceController, title: str) -> ComparedValues:
 
 
 def _of_same_protocol(controller: DeviceController, other: DeviceController) -> DeviceController:
-    """The other controller; DomainError if its device is of another family."""
+    """The other controller; DomainError if its device belongs to another family."""
     if other.member.info.protocol != controller.member.info.protocol:
         message = f"{other.member.info.name} uses another protocol."
         raise DomainError("not-alike", message, "Compare with a device of the same family.")
@@ -218,7 +218,7 @@ def _of_same_protocol(controller: DeviceController, other: DeviceController) -> 
 
 
 def _of_protocol(controller: DeviceController, snapshot: Snapshot) -> Snapshot:
-    """The snapshot; DomainError if its file is of another family. A file without a protocol is accepted."""
+    """The snapshot; DomainError if its file belongs to another family. A file without a protocol is accepted."""
     protocol = controller.member.info.protocol
     if snapshot.protocol not in ("", protocol):
         hint = f"This device uses {protocol}."

@@ -28,7 +28,7 @@ def add_table(command: argparse.ArgumentParser) -> None:
         "--clock",
         choices=("device", "arrival"),
         default="",
-        help="time axis of devices and messages: their own time, or the arrival (log time)",
+        help="time axis of devices and messages: their own clock, or the arrival (log time)",
     )
     group = command.add_argument_group("tables, for what the file does not contain")
     group.add_argument(

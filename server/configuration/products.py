@@ -19,7 +19,7 @@ def base_name(product: str) -> str:
 
 
 def same_product(one: str, other: str) -> bool:
-    """Whether two devices are of the same product, as far as both are known."""
+    """Whether two devices are the same product, as far as both are known."""
     return not one or not other or base_name(one) == base_name(other)
 
 

@@ -60,7 +60,7 @@ class ComparedValues:
         otherwise: the reason for a missing setting that is not in `missing`.
         product: product of these settings, if known.
         from_device: the device on the left reported them itself, so they may be written whatever the tables allow.
-        of_another: they are of another sensor than the device that is compared.
+        of_another: they belong to another sensor than the compared device.
     """
 
     title: str

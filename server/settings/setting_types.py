@@ -43,7 +43,7 @@ def empty_or(is_allowed: Callable[[str], object], words: str) -> Form:
 
 
 def is_of_type(value: object, kind: Any) -> bool:
-    """Whether a value is of the type of a setting, strictly: neither text nor true is a number."""
+    """Whether a value has the type of a setting, strictly: neither text nor true is a number."""
     if kind in (int, float):
         return isinstance(value, (int, kind)) and not isinstance(value, bool)
     origin, args = get_origin(kind), get_args(kind)

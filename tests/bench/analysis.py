@@ -23,7 +23,7 @@ from imuscope.server.extensions.analysis.noise.report import figures_of, in_para
 from imuscope.server.extensions.analysis.signals.companions import Companions
 from imuscope.server.extensions.analysis.signals.signals import Signal
 from imuscope.server.extensions.analysis.signals.triads import Samples
-from tests.bench.report import report
+from tests.bench.support.report import report
 
 RATE = 1000.0
 AXES = 6

@@ -23,7 +23,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from tests.bench.library import RATE_HZ, START_NS, TYPE, with_imuscope
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.recordings.readers.formats.bags import imu
 
 STORES = {"ros1": Stores.ROS1_NOETIC, "ros2": Stores.ROS2_HUMBLE}

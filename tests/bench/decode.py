@@ -27,7 +27,7 @@ sys.path.insert(0, str(ROOT))
 from imuscope.protocols.events import Batch, Decoder, Reply, Text  # noqa: E402
 from imuscope.protocols.registry.families import PROTOCOLS  # noqa: E402
 from imuscope.recordings.system.freed_memory import keep_freed_memory  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
+from tests.bench.support.report import options_of, report  # noqa: E402
 
 CHUNK = 1 << 20
 PASSES = 25

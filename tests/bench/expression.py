@@ -19,7 +19,7 @@ from imuscope.server.extensions.analysis.expressions.expressions import evaluate
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
 from imuscope.server.extensions.analysis.signals.units import Unit
 from tests.bench.analysis import RATE, best_s
-from tests.bench.report import report
+from tests.bench.support.report import report
 
 TEXTS = {
     "comparison": "Acc.x * 2 + 1 m/s² > 3 g",

@@ -26,8 +26,8 @@ from typing import Any
 from websockets.asyncio.client import ClientConnection, connect
 
 from imuscope.server.wire import HEADER
-from tests.bench.report import options_of, percentile, report
-from tests.bench.serial_device import Feed, must_be_live
+from tests.bench.support.report import options_of, percentile, report
+from tests.bench.support.serial_device import Feed, must_be_live
 from tests.support.load_clients import Good
 from tests.support.processes import seconds_of
 from tests.support.server_process import ROOT, ServerProcess, tied
@@ -111,7 +111,7 @@ async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
 
 async def bare(clients: int, per_s: float, size: int, seconds: float) -> dict[str, float]:
     """The reference: a relay without other work, in a separate process."""
-    command = tied([sys.executable, str(ROOT / "tests/bench/relay.py")])
+    command = tied([sys.executable, str(ROOT / "tests/bench/support/relay.py")])
     relay = subprocess.Popen(command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     assert relay.stdout
     address = f"ws://127.0.0.1:{relay.stdout.readline().strip()}/"

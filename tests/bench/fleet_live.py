@@ -28,7 +28,7 @@ import zenoh
 
 from imuscope.server.extensions.fleet.model.access import RouterSettings
 from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.server.extensions.fleet.fleet_robot import FleetRobot
 from tests.support.free_ports import free_port
 from tests.support.processes import resident_mb, seconds_of

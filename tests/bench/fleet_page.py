@@ -33,7 +33,7 @@ import sys
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.bench.ten_panels import processor_time
 from tests.support import chromium
 from tests.support.server_process import ROOT, tied

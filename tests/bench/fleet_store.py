@@ -46,7 +46,7 @@ from imuscope.server.extensions.fleet.query.query import run_query
 from imuscope.server.extensions.fleet.store.store import location
 from imuscope.server.extensions.fleet.store.tables import DEVICES, MINUTES, RECORDINGS, StoreTable
 from imuscope.server.extensions.fleet.upload.upload import upload
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.support.server_process import ROOT
 
 DAYS, MONTH = 365, 31

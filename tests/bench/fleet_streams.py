@@ -30,7 +30,7 @@ from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_se
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_robot import PageServer
 from imuscope.server.wire import HEADER, OPCODE_SAMPLES, SUBPROTOCOL
 from tests.bench.fanout import FanoutReader, bare, cancel, figures_of
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.server.extensions.fleet.fleet_robot import FleetRobot
 from tests.support.free_ports import free_port
 from tests.support.server_process import ServerProcess

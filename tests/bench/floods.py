@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.flood_latency import WITHIN_S, FloodLatency, lateness_s
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.fault_injection.beside import Watched, watched
 from tests.fault_injection.floods import FLOODS
 from tests.support.processes import resident_mb

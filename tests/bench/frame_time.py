@@ -20,7 +20,7 @@ from collections.abc import Iterator
 
 from playwright.sync_api import sync_playwright
 
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.support import chromium
 from tests.support.server_process import ROOT
 

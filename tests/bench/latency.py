@@ -29,8 +29,8 @@ from typing import Any
 
 from playwright.sync_api import Browser, Worker, sync_playwright
 
-from tests.bench import serial_device as feeding
-from tests.bench.report import options_of, percentile, report
+from tests.bench.support import serial_device as feeding
+from tests.bench.support.report import options_of, percentile, report
 from tests.support import chromium
 from tests.support.server_process import ROOT, ServerProcess, tied
 
@@ -88,7 +88,9 @@ def product(browser: Browser, pages: int, readers: int, rate: float, seconds: fl
         server = contexts.enter_context(ServerProcess(f"serial://{feed.terminal}?baud=2000000", data=Path(data)))
         workers = []
         if readers:
-            reading = tied([sys.executable, str(ROOT / "tests/bench/remote_browsers.py"), server.url, str(readers)])
+            reading = tied(
+                [sys.executable, str(ROOT / "tests/bench/support/remote_browsers.py"), server.url, str(readers)]
+            )
             others = contexts.enter_context(subprocess.Popen(reading))
             contexts.callback(others.terminate)
         for _ in range(pages):

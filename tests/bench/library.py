@@ -20,7 +20,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 import imuscope
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.recordings.readers.formats.bags import imu
 
 RATE_HZ = 1000

@@ -33,9 +33,9 @@ from typing import Any
 import httpx
 
 from imuscope.recordings.mcap.writer import McapWriter
-from tests.bench.memory import Memory
-from tests.bench.report import options_of, percentile, report, status_of
-from tests.bench.serial_devices import Speakers, frames, heard_in, is_whole, numbered
+from tests.bench.support.memory import Memory
+from tests.bench.support.report import options_of, percentile, report, status_of
+from tests.bench.support.serial_devices import Speakers, frames, heard_in, is_whole, numbered
 from tests.support import load_clients
 from tests.support.processes import seconds_of
 from tests.support.server_process import ServerProcess

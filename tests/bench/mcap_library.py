@@ -30,7 +30,7 @@ from mcap.writer import Writer
 from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.writer import McapWriter
-from tests.bench.report import report
+from tests.bench.support.report import report
 
 CHUNK, RUN, CHUNKS, SURVIVORS_OF, ROUNDS = bytes(range(80)), 8, 200_000, 20_000, 5
 START = 1_760_000_000_000_000_000

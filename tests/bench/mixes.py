@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.protocols.isb.dataset_loader import SETS
-from tests.bench import idtp_mixed, isb_mixed
 from tests.bench.decode import measure
-from tests.bench.report import options_of, report
+from tests.bench.support import idtp_mixed, isb_mixed
+from tests.bench.support.report import options_of, report
 from tests.support.server_process import ROOT
 
 CAPTURE = ROOT.parent / "shared" / "captures" / "xbus" / "mti_100hz_49s.bin"

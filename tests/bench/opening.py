@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.bench.report import percentile, report
+from tests.bench.support.report import percentile, report
 
 RATE, CHUNK_FRAMES = 1000, 8
 START = 1_760_000_000_000_000_000

@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.load import Api
-from tests.bench.report import options_of, percentile, report, status_of
-from tests.bench.serial_devices import Speakers, heard_in, is_whole
+from tests.bench.support.report import options_of, percentile, report, status_of
+from tests.bench.support.serial_devices import Speakers, heard_in, is_whole
 from tests.support.load_clients import Good
 from tests.support.server_process import ServerProcess
 

@@ -22,9 +22,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.bench import serial_device as feeding
-from tests.bench.report import options_of, report
-from tests.bench.tcp_device import TcpDevice
+from tests.bench.support import serial_device as feeding
+from tests.bench.support.report import options_of, report
+from tests.bench.support.tcp_device import TcpDevice
 from tests.support.processes import seconds_of
 from tests.support.recorder_harness import chunks, flowing, recorded
 from tests.support.server_process import ServerProcess

@@ -32,7 +32,7 @@ from typing import Any
 from playwright.sync_api import CDPSession, Page, sync_playwright
 
 from tests.bench.opening import make
-from tests.bench.report import options_of, percentile, report
+from tests.bench.support.report import options_of, percentile, report
 from tests.support import chromium
 from tests.support.processes import seconds_of
 from tests.support.server_process import ServerProcess

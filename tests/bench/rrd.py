@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from tests.bench.opening import make
-from tests.bench.report import report
+from tests.bench.support.report import report
 
 ATTEMPTS = 120
 LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.includes('.rrd'))?.responseEnd ?? 0"

@@ -31,8 +31,8 @@ from pathlib import Path
 from imuscope.server.extensions.shares.holder.messages import MessageKind, MessageReader
 from imuscope.server.extensions.shares.holder.settings import HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
-from tests.bench.report import options_of, report
 from tests.bench.shared_port import Terminal
+from tests.bench.support.report import options_of, report
 from tests.support.free_ports import free_port
 from tests.support.processes import resident_mb, seconds_of
 from tests.support.server_process import ROOT

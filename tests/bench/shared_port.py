@@ -37,7 +37,7 @@ from imuscope.recordings.system.priority import raise_priority
 from imuscope.server.extensions.shares.holder.settings import MODULE, HolderSettings
 from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from imuscope.server.extensions.shares.relay_kernel import place
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.support.processes import resident_mb, seconds_of
 from tests.support.server_process import ROOT
 

@@ -32,9 +32,9 @@ sys.path.insert(0, str(ROOT))
 from imuscope.protocols.events import Batch  # noqa: E402
 from imuscope.protocols.idtp.frames import SAFETY  # noqa: E402
 from imuscope.protocols.idtp.simulator import IdtpSimulator  # noqa: E402
-from tests.bench import isb_mixed, serial_device  # noqa: E402
 from tests.bench.decode import decoder_of  # noqa: E402
-from tests.bench.report import report  # noqa: E402
+from tests.bench.support import isb_mixed, serial_device  # noqa: E402
+from tests.bench.support.report import report  # noqa: E402
 
 FRAMES, PASSES = 2000, 7
 BUDGET_US = 8

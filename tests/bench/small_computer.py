@@ -38,7 +38,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.bench import small_computer_parts as parts  # noqa: E402
-from tests.bench.report import options_of, report  # noqa: E402
+from tests.bench.support.report import options_of, report  # noqa: E402
 
 PARTS: dict[str, Callable[[parts.Place, float], dict[str, Any]]] = {
     "idle": parts.idle,

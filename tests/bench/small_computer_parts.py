@@ -20,10 +20,10 @@ from typing import Any
 from tests.bench.fanout import bare
 from tests.bench.load import Api
 from tests.bench.overload import Page
-from tests.bench.process_cost import measured, memory_mb
-from tests.bench.serial_devices import Speakers, heard_in, is_whole
 from tests.bench.shared_port import held, relayed
 from tests.bench.start import importing
+from tests.bench.support.process_cost import measured, memory_mb
+from tests.bench.support.serial_devices import Speakers, heard_in, is_whole
 from tests.support import load_clients
 from tests.support.server_process import ServerProcess
 

@@ -32,9 +32,9 @@ from typing import Any
 
 from imuscope.server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from imuscope.server.settings.config import Config
-from tests.bench.memory import curve
-from tests.bench.report import options_of, report, status_of
-from tests.bench.serial_devices import frames, numbered
+from tests.bench.support.memory import curve
+from tests.bench.support.report import options_of, report, status_of
+from tests.bench.support.serial_devices import frames, numbered
 from tests.checking.machine import descendants
 from tests.support import load_clients
 from tests.support.processes import resident_mb, seconds_of

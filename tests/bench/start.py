@@ -21,7 +21,7 @@ from typing import Any
 
 from playwright.sync_api import Browser, sync_playwright
 
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.support import chromium
 from tests.support.server_process import ServerProcess
 

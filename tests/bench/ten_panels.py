@@ -27,7 +27,7 @@ from urllib.parse import quote
 from playwright.sync_api import Page, sync_playwright
 
 from tests.bench.opening import make
-from tests.bench.report import options_of, report
+from tests.bench.support.report import options_of, report
 from tests.support import chromium
 from tests.support.server_process import ServerProcess
 

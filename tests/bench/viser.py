@@ -25,8 +25,8 @@ from typing import Any
 
 import httpx
 
-from tests.bench import serial_device as feeding
-from tests.bench.report import options_of, percentile, report
+from tests.bench.support import serial_device as feeding
+from tests.bench.support.report import options_of, percentile, report
 from tests.server.extensions.viser.viser_client import looking, turns
 from tests.support.forking.forked_workers import workers_of
 from tests.support.processes import seconds_of

@@ -12,7 +12,7 @@ from typing import Any
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, fits, press, serious, show, small_targets
-from tests.browser.stories import Story
+from tests.browser.recorded.stories import Story
 from tests.support.chromium import until
 
 PLACE = "document.querySelector('dialog[open]')"

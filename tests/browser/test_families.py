@@ -14,7 +14,7 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, drawn, fits, press, serious, show, small_targets
-from tests.browser.stories import Story
+from tests.browser.recorded.stories import Story
 from tests.support.chromium import until
 
 TRACK = "document.querySelector('[data-panel=track]')"

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from playwright.sync_api import Page
 
-from tests.bench.serial_device import frame
+from tests.bench.support.serial_device import frame
 from tests.support.chromium import until
 from tests.support.server_process import ServerProcess
 from tests.support.waiting import block_until

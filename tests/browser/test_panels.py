@@ -26,7 +26,7 @@ from tests.browser.page_checks import (
     show,
     small_targets,
 )
-from tests.browser.stories import Answer, Story
+from tests.browser.recorded.stories import Answer, Story
 from tests.support.chromium import until
 
 XY, HISTOGRAM = (f"document.querySelector('[data-panel={name}]')" for name in ("xy", "histogram"))

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.bench.tcp_device import TcpDevice
+from tests.bench.support.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.floods import RECORDING, Place
 from tests.fault_injection.recorded_files import recording

@@ -20,7 +20,7 @@ from imuscope.server import wire
 from imuscope.server.library.cleanup import DataFolderLock
 from imuscope.server.library.compaction_worker import uncompacted
 from imuscope.server.wire import codec as wire_codec
-from tests.bench.tcp_device import TcpDevice
+from tests.bench.support.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, recording
 from tests.server.extensions.viser.viser_client import CAMERA, subprotocol

@@ -17,7 +17,7 @@ from imuscope.server.links.base import LinkSettings, steady_clock
 from imuscope.server.links.source_url import open_link
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.wire import DeviceHealth, DeviceInfo, EventInfo
-from tests.bench.serial_device import frame
+from tests.bench.support.serial_device import frame
 
 COUNTER = "PacketCounter"
 

@@ -35,7 +35,7 @@ from imuscope.protocols.idtp.frames import build
 from imuscope.recordings.mcap.reader import CHUNK, LARGEST_CHUNK
 from imuscope.recordings.mcap.records import MAGIC
 from imuscope.server import wire
-from tests.bench.serial_device import frame
+from tests.bench.support.serial_device import frame
 from tests.support.timeouts import PATIENCE_S, connect, http_client
 from tests.support.waiting import block_until
 

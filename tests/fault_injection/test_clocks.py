@@ -19,7 +19,7 @@ import numpy as np
 
 from imuscope.recordings.mcap.reader import TIME, McapReader
 from imuscope.server.settings.config import Config
-from tests.bench.serial_device import frame
+from tests.bench.support.serial_device import frame
 from tests.fault_injection.fault_harness import stage
 from tests.server.links.link_fixtures import pty
 from tests.support.each_row import each_row

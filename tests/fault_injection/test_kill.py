@@ -28,7 +28,7 @@ from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.server.library.cleanup import LOCK, DataFolderLock
 from imuscope.server.library.compaction_worker import uncompacted
 from imuscope.server.links.simulator import SimulatorThread
-from tests.bench.tcp_device import TcpDevice
+from tests.bench.support.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import hidden, recording
 from tests.support.control_harness import bench, outputs

@@ -21,7 +21,7 @@ import pytest
 from imuscope.recordings.system import resource_limits
 from imuscope.server.commands.serve import within_memory
 from imuscope.server.settings.config import Config
-from tests.bench.serial_devices import Speakers, heard_in
+from tests.bench.support.serial_devices import Speakers, heard_in
 from tests.support.each_row import each_row
 from tests.support.server_process import ServerProcess
 from tests.support.timeouts import PATIENCE_S

@@ -23,7 +23,7 @@ from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.recordings.mcap.reader import TIME, McapReader
 from imuscope.server.settings.config import Config
-from tests.bench.tcp_device import TcpDevice
+from tests.bench.support.tcp_device import TcpDevice
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.recorded_files import recording
 from tests.support.fakes import FakeLinks, sample

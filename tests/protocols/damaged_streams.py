@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.bench import idtp_mixed, isb_mixed
+from tests.bench.support import idtp_mixed, isb_mixed
 from tests.protocols.decoder_digests import PIECE
 from tests.protocols.xbus import xbus_vectors
 

@@ -55,10 +55,10 @@ def test_the_table_has_each_part_and_no_arrow_that_nothing_uses(folder: str) -> 
 
 
 def test_a_folder_can_be_read_at_a_glance() -> None:
-    """At most 12 files at the top of a package, 35 in any room."""
-    files = [*python_files(*HOUSES), *page_files()]
+    """At most 12 files at the top of a package and of the tests, 35 in any room."""
+    files = [*python_files(*HOUSES, "tests"), *page_files()]
     counts = Counter(path.parent for path in files if path.name != "__init__.py")
-    tops = {ROOT / house for house in HOUSES}
+    tops = {ROOT / top for top in (*HOUSES, "tests", *(f"tests/{house}" for house in HOUSES))}
     wrong = [
         f"{folder.relative_to(ROOT)}: {number} files"
         for folder, number in counts.items()

@@ -11,7 +11,7 @@ from imuscope.recordings.mcap.reader import McapReader
 from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.recorder import Recorder, RecordingOptions
 from imuscope.server.wire import RecorderState
-from tests.bench.tcp_device import TcpDevice
+from tests.bench.support.tcp_device import TcpDevice
 from tests.support.control_harness import ControlHarness, house
 from tests.support.fakes import FakeLinks
 from tests.support.in_process_server import InProcessServer

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench import fanout, serial_device
+from tests.bench import fanout
+from tests.bench.support import serial_device
 from tests.support.forking.fork_server import Child
 from tests.support.processes import is_running
 from tests.support.server_process import ROOT, ServerProcess

@@ -26,7 +26,7 @@ from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.writer import McapWriter
-from tests.bench.serial_device import frame
+from tests.bench.support.serial_device import frame
 from tests.support.faulty_line import FaultyLine
 from tests.support.server_process import ServerProcess
 from tests.web import known_attitude

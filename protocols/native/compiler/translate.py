@@ -344,7 +344,7 @@ class _Translation:
         return Value(self.variables[name], _c_name(name))
 
     def _global(self, node: ast.expr) -> Any:
-        """The value of a dotted name of the module; None if it is none."""
+        """The value of a dotted name of the module; None if it is not one."""
         if isinstance(node, ast.Attribute):
             return getattr(self._global(node.value), node.attr, None)
         if not isinstance(node, ast.Name) or node.id in self.variables:

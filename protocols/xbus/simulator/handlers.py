@@ -247,7 +247,7 @@ def alignment(device: XbusSimulator, payload: bytes, now: int) -> bytes:
 
 
 def filter_profiles(device: XbusSimulator, payload: bytes, now: int) -> bytes:
-    """Five rows of type, version and a label of 20 characters; rows not used are of type 0."""
+    """Five rows of type, version and a label of 20 characters; unused rows have type 0."""
     _empty(payload)
     rows = [struct.pack("BB", number, 1) + label.encode().ljust(20) for number, label in device.product.profiles[:5]]
     return b"".join(rows + [bytes(2) + b" " * 20] * (5 - len(rows)))

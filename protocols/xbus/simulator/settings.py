@@ -196,7 +196,7 @@ class SimulatedSetting:
     readable: bool = True
 
     def accepts(self, size: int, product: SimulatedProduct) -> bool:
-        """Whether a payload of this size sets it. Of two sizes the longer is the 600-series'."""
+        """Whether a payload of this size sets it. If there are two sizes, the longer one is that of the 600-series."""
         if len(self.sizes) == 2:
             return size == (max(self.sizes) if product.series == 600 else min(self.sizes))
         return size in self.sizes

@@ -63,7 +63,7 @@ def _number(data: Bytes, at: int, end: int) -> tuple[int, int]:
 
 @compiled(PAIR, BYTES, INT, INT)
 def _date(data: Bytes, at: int, end: int) -> tuple[int, int]:
-    """2021-01-01 00:00:00.123456 as (ns since 1970, the place after it); DAMAGED if it is none."""
+    """2021-01-01 00:00:00.123456 as (ns since 1970, the place after it); DAMAGED if it is not one."""
     year, at = _number(data, at, end)
     if year < 1970 or year > 2200 or at + 12 > end:
         return DAMAGED, at

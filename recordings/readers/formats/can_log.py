@@ -201,7 +201,7 @@ WITHOUT_TIMES = "Record it with candump -l, or let the device send its sample ti
 
 
 def form_of(head: bytes) -> int | None:
-    """Form of a log by its first lines; None if it is none."""
+    """Form of a log by its first lines; None if it is not one."""
     text = _BEFORE.sub(b"", head)
     return next((form for form, pattern in _HEADS if pattern.match(text)), None)
 

@@ -141,7 +141,7 @@ class UnpackedFolder:
 
 
 def decompressed(path: Path, folder: UnpackedFolder, name: str, codec: str) -> Path:
-    """A compressed file written into a folder; returns its path. Of one that was cut, all before is written.
+    """A compressed file written into a folder; returns its path. A truncated file is written as far as it goes.
 
     Raises:
         RecordingError: it is damaged from its beginning on, or exceeds the limits.

@@ -185,8 +185,8 @@ class FlightLog(TableSource):
 
     clock_name = "timestamp"
 
-    def __init__(self, path: Path, format: str) -> None:
-        super().__init__(path, format)
+    def __init__(self, path: Path, format_name: str) -> None:
+        super().__init__(path, format_name)
         self.tables: dict[str, LogTable] = {}
         self.left_out: dict[str, None] = {}
         fix = self.fix()

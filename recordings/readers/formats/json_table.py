@@ -114,7 +114,7 @@ def _text_of(path: Path) -> TextIOWrapper:
 
 
 def _loads(text: str) -> Any:
-    """The value of a text; None if it is none, or nested too deeply."""
+    """The value of a text; None if it is not one, or nested too deeply."""
     try:
         return None if _depth(text) > DEEPEST else json.loads(text)
     except ValueError:

@@ -99,7 +99,7 @@ class LogClock:
 class LogTimes:
     """Log times of messages that go on where they go back: a host whose clock was set, or bags that were joined.
 
-    Topics that were written one after the other are none of these.
+    Topics that were written one after the other do not count.
 
     Attributes:
         steps: unix s after each step, on the axis, and its size, s.

@@ -207,7 +207,7 @@ def _record(file: BinaryIO, size: int) -> tuple[dict[bytes, bytes], bytes, int] 
 
 
 def _fields(header: bytes) -> dict[bytes, bytes]:
-    """Fields of a header; ValueError if it is none."""
+    """Fields of a header; ValueError if it is not one."""
     fields = {}
     at = 0
     while at < len(header):

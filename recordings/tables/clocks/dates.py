@@ -67,7 +67,7 @@ def unnamed_stamps(sample: TableSample) -> list[TableClock]:
 
 
 def _parts_of(words: str) -> Iterator[tuple[str, str, str]]:
-    """Of a heading in seconds: the words before the unit, the unit of a part, and the heading of that part."""
+    """Parts of a heading in seconds: the words before the unit, the unit of a part, and the heading of that part."""
     parts = words.split("_")
     for place in reversed(range(len(parts))):
         if SPELLINGS.get(parts[place]) == "s":

@@ -36,7 +36,7 @@ JSON_NAMES = ("columns", "sensors", "fields", "names", "headers", "desc", "axes"
 JSON_RATES = dict.fromkeys(("interval_ms", "intervalMs", "sampling_interval_ms", "period_ms"), "sampling rate")
 """Members that are the time between samples, ms."""
 UTC_PARTS = ("year", "month", "day", "hour", "minute", "second", "nano")
-FIRST_WEEK = 1024.0  # the GPS week of 1999: logs of before are rare, small numbers are not
+FIRST_WEEK = 1024.0  # the GPS week of 1999: earlier logs are rare, small numbers are not
 NO_UNIT = re.compile(r"utc|gps|gnss|local|unix|epoch|boot|ros|iso|rfc|:|date|time|since")  # in the brackets of a time
 DECIMALS = re.compile(r"[.,]\d")
 FEWEST = 3  # rows whose steps say something

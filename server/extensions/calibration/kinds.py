@@ -68,7 +68,7 @@ class CalibrationMethod:
     """A calibration.
 
     Attributes:
-        sensor: that it is of.
+        sensor: that it belongs to.
         uses: sensors that it uses as well, if the device has them.
         needs: sensors without which it cannot be made, besides `sensor`.
     """

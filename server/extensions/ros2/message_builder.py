@@ -51,7 +51,7 @@ class MessageBuilder:
 
     def __init__(
         self,
-        type: str,
+        type_name: str,
         join: RowJoin,
         channels: set[int],
         columns: Callable[[RowBlock, float], Columns],
@@ -61,7 +61,7 @@ class MessageBuilder:
         stamp: str = "header.stamp",
         keep: Callable[[RowBlock], Mask] | None = None,
     ) -> None:
-        self.type, self.channels = type, channels
+        self.type, self.channels = type_name, channels
         self.left_out = 0
         self._join, self._columns, self._stamp, self._keep = join, columns, stamp, keep
         self._texts, self._lengths = texts, lengths
@@ -120,10 +120,10 @@ class RateEstimate:
 
 
 def alone(
-    type: str, place: Place, columns: Callable[[RowBlock, float], Columns], texts: Mapping[str, str]
+    type_name: str, place: Place, columns: Callable[[RowBlock, float], Columns], texts: Mapping[str, str]
 ) -> MessageBuilder:
     """The builder of a quantity of one channel; rows with a value that is not a number are left out."""
-    return MessageBuilder(type, RowJoin(place, {}), {place.channel}, columns, texts, keep=finite)
+    return MessageBuilder(type_name, RowJoin(place, {}), {place.channel}, columns, texts, keep=finite)
 
 
 def finite(block: RowBlock) -> Mask:

@@ -152,10 +152,10 @@ def _velocity(place: Place | None, frames: FrameNames, noise: SensorNoise) -> Me
     return alone(TWIST, place, columns, {"header.frame_id": frames.map if is_world else frames.device})
 
 
-def _scalar(type: str, path: str, place: Place | None, frames: FrameNames) -> MessageBuilder | None:
+def _scalar(type_name: str, path: str, place: Place | None, frames: FrameNames) -> MessageBuilder | None:
     if place is None:
         return None
-    return alone(type, place, lambda block, rate: {path: block.values[:, 0]}, {"header.frame_id": frames.device})
+    return alone(type_name, place, lambda block, rate: {path: block.values[:, 0]}, {"header.frame_id": frames.device})
 
 
 def _fix(of: GnssPlaces | None, frames: FrameNames) -> MessageBuilder | None:

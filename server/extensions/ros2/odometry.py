@@ -111,11 +111,11 @@ def odometry(of: DeviceQuantities, frames: FrameNames, noise: SensorNoise) -> Me
 
 
 def _builder(
-    type: str, driver: Place, others: dict[str, Place | None], columns: object, texts: object, keep: object
+    type_name: str, driver: Place, others: dict[str, Place | None], columns: object, texts: object, keep: object
 ) -> MessageBuilder:
     there = {name: place for name, place in others.items() if place}
     channels = {driver.channel, *(place.channel for place in there.values())}
-    return MessageBuilder(type, RowJoin(driver, there), channels, columns, texts, keep=keep)  # type: ignore[arg-type]
+    return MessageBuilder(type_name, RowJoin(driver, there), channels, columns, texts, keep=keep)  # type: ignore[arg-type]
 
 
 def _enu(vectors: Floats, frame: str, places: Floats | None) -> Floats:

@@ -225,7 +225,7 @@ def _velocity(channels: Sequence[Info]) -> Place | None:
 
 
 def _speed(channels: Sequence[Info]) -> SpeedPlaces | None:
-    """Of a record with columns for north, east and down, else of a vector; one with an accuracy comes first."""
+    """A record with columns for north, east and down, else a vector; one with an accuracy comes first."""
     places = []
     for info in channels:
         columns = tuple(_column(info, pattern) for pattern in _NORTH_EAST_DOWN)

@@ -212,8 +212,9 @@ class Ros2:
 
     def _on_device(self, info: wire.DeviceInfo) -> None:
         """Announce a device when it is known, in earlier runs too, or has had the time to be."""
-        self._came = {id: since for id, since in self._came.items() if id in self._bus.devices.latest}
-        self._frames = {id: frame for id, frame in self._frames.items() if id in self._bus.devices.latest}
+        latest = self._bus.devices.latest
+        self._came = {key: since for key, since in self._came.items() if key in latest}
+        self._frames = {key: frame for key, frame in self._frames.items() if key in latest}
         if self.process.pid is None:
             return
         now = time.monotonic()

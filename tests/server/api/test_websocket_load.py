@@ -21,7 +21,7 @@ from imuscope.server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S
 from imuscope.server.concurrency.limiters import TokenBucket
 from imuscope.server.settings.config import Config
 from imuscope.server.wire import SUBPROTOCOL
-from tests.bench.serial_devices import Speakers, heard_in
+from tests.bench.support.serial_devices import Speakers, heard_in
 from tests.support import load_clients
 from tests.support.fakes import FakeLink
 from tests.support.in_process_server import InProcessServer

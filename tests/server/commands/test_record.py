@@ -15,7 +15,7 @@ from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.mcap.own_recordings import is_uncompacted
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.server.commands.record import amount
-from tests.bench.tcp_device import TcpDevice
+from tests.bench.support.tcp_device import TcpDevice
 from tests.support.each_row import each_row
 from tests.support.recorder_harness import chunks
 from tests.support.server_process import begun, imuscope

@@ -31,7 +31,7 @@ from imuscope.server.library.compaction_worker import CompactionWorker
 from imuscope.server.library.decode import decode
 from imuscope.server.library.recorder import RecordingOptions, plan_of
 from imuscope.server.settings.config import Config, load
-from tests.bench.tcp_device import TcpDevice
+from tests.bench.support.tcp_device import TcpDevice
 from tests.recordings.mcap_files import json_messages
 from tests.support.fakes import FakeLinks, sample
 from tests.support.in_process_server import InProcessServer

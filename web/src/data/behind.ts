@@ -22,7 +22,7 @@ export interface BehindBy {
 
 /** A shorter time is not told: a person hardly sees it, and packets of networks come later. */
 export const TOLD_S = 0.5;
-/** What was measured is of now for this long, s: a device may send once a second. */
+/** Measurements count as current for this long, s: a device may send once a second. */
 const FRESH_S = 2;
 
 interface Delay {

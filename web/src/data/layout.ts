@@ -19,7 +19,7 @@ export interface PanelChoice {
 
 export interface Layout {
   readonly panels: Readonly<Record<string, PanelChoice>>;
-  /** Panels of an area in order, if somebody changed it. */
+  /** Panels of an area in order, if the user has changed it. */
   readonly order: { readonly [area in Area]?: readonly string[] };
   /** Of the side column, px. */
   readonly sideWidth?: number;
@@ -89,7 +89,7 @@ export function moveTo<T extends PanelPlacement>(
   const order = [...others.slice(0, index), panel.id, ...others.slice(index)];
   const moved = choose(layout, panel.id, {
     area: area === panel.where ? undefined : area,
-    // a height of one area is none of another
+    // A height applies to its own area only.
     ...(areaOf(layout, panel) === area ? {} : { height: undefined }),
   });
   const was = areaOf(layout, panel) as Area;

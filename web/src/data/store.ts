@@ -172,7 +172,7 @@ export class Store {
   }
 
   /**
-   * Right edge of a device's live data, unix s: now; or its last sample, if it is a file that has ended, however long ago that was,
+   * Right edge of a device's live data, unix s: now; or its last sample, if it is a file that has ended at any time,
    * or if what is shown is behind.
    */
   edgeOf(device: string | undefined): number {

@@ -16,7 +16,7 @@ export interface Series {
   readonly label: string;
   /** Name of its channel, if the plot's title does not tell it: above the row. */
   readonly heading?: string;
-  /** Of a signal that a person put there: names its line where the label has no room. */
+  /** Of a signal that the user added: names its line where the label has no room. */
   readonly mark?: string;
   readonly colour: "axis-x" | "axis-y" | "axis-z" | "axis-n";
   /** Dashes distinguish series without axis colours; empty for a solid line. */
@@ -182,7 +182,7 @@ export interface ViewSignals {
   readonly layout: Signal<Layout>;
 }
 
-/** Parts of `view`, for what is drawn anew when one changes: the view itself changes with every frame of a drag. */
+/** Parts of `view`, for what is redrawn when one changes: the view itself changes with every frame of a drag. */
 export interface ViewParts {
   readonly device: ReadonlySignal<View["device"]>;
   readonly isLive: ReadonlySignal<boolean>;

@@ -88,7 +88,7 @@ export interface Deps {
   readonly allEvents?: readonly EventInfo[];
   /** Shows a moment, if that needs more than a change of the view. */
   readonly jump?: (to: { readonly t0: number; readonly t1: number }) => void;
-  /** The recording that the samples are of; undefined on Live. */
+  /** The recording that the samples belong to; undefined on Live. */
   readonly recording?: {
     readonly id: string;
     /** Speed of playback, recorded seconds per second; 0 while paused. */

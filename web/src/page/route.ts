@@ -112,7 +112,7 @@ export function href(page: PageName, ...parts: readonly (string | undefined)[]):
 
 export const route = signal<Route>(parse(typeof location === "undefined" ? "" : location.hash) ?? LIVE);
 
-/** Counts how often the open recording changed as a whole: its page begins anew. */
+/** Counts how often the open recording changed as a whole: its page starts over. */
 export const reopened = signal(0);
 /** Starts following the address. */
 export function startRoute(): void {

@@ -79,7 +79,7 @@ export async function toggleRecord(app: App): Promise<void> {
   );
 }
 
-/** Of the button. The second of a double click would end what the first began. */
+/** Handles a press. The second click of a double click is ignored: it would end what the first began. */
 const press =
   (app: App) =>
   ({ detail }: MouseEvent): void =>

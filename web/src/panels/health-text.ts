@@ -170,7 +170,7 @@ function agoOf(old: number | undefined): Quantity {
   return { value, unit: unit ? TEXT.unitAgo(unit) : "" };
 }
 
-/** Whether decoding is behind the data received, so that figures of what was decoded are of before. */
+/** Whether decoding is behind the received data, so that figures of decoded data are out of date. */
 function isBehind({ behind }: DeviceHealth): boolean {
   return behind.decoding > TOLD_S;
 }

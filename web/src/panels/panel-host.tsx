@@ -43,7 +43,7 @@ export function PanelHost(props: Props) {
   );
 }
 
-/** A panel of components, which draw themselves anew. */
+/** A panel of components, which redraw themselves. */
 export function renderedPanel(host: HTMLElement, content: ComponentChild): Panel {
   render(content, host);
   return { update: () => undefined, dispose: () => render(null, host) };

@@ -162,7 +162,7 @@ export class Legend {
     if (menu) {
       button.title = menu.title(button.title);
       button.setAttribute("aria-haspopup", "dialog");
-      // also of the keyboard's menu key, and of a finger that rests
+      // The menu key and a long touch raise this event, too.
       button.addEventListener("contextmenu", (event) => {
         event.preventDefault();
         event.stopPropagation();

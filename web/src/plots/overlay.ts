@@ -34,7 +34,7 @@ interface Marks {
   readonly layers: readonly MarkLayer[];
 }
 
-/** Whether there is nothing to draw: the rule while a device streams without loss and nobody points at anything. */
+/** Whether there is nothing to draw: usually, while a device streams without loss and the pointer is elsewhere. */
 export function isBare({ t0, t1 }: TimeWindow, marks: Marks): boolean {
   const before = t0 - (t1 - t0); // words of a marker reach into the window
   return (

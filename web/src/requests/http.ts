@@ -79,7 +79,7 @@ export const UNREACHED: HttpProblem = {
   status: 0,
 };
 
-/** Of a key that changes something, pressed by who may only look. */
+/** Of a key that changes something, pressed with view-only access. */
 export const VIEW_ONLY: HttpProblem = {
   kind: "view-only",
   message: COMMON.viewOnly,
@@ -87,7 +87,7 @@ export const VIEW_ONLY: HttpProblem = {
   status: 403,
 };
 
-/** Of a server that answers requests, while its WebSocket cannot be opened. */
+/** For a server that answers requests although its WebSocket cannot be opened. */
 export const NO_SOCKET: HttpProblem = {
   kind: "no-websocket",
   message: COMMON.noSocket,

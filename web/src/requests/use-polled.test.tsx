@@ -68,7 +68,7 @@ test("why a change was refused stays until the next one; that the server was awa
   expect(screen.getByText("on")).toBeTruthy();
 });
 
-test("another thing is asked for anew, and an answer on the one before is none on it", async () => {
+test("another key is requested again, and an answer to the previous key is ignored", async () => {
   await answer(ok("one"));
   await pass(EVERY_MS);
   render(<Shown of="2" />, { container: document.body.firstElementChild as HTMLElement });

@@ -13,7 +13,7 @@ export interface Polled<T> {
 }
 
 /**
- * @param of what it is of: asked for anew when that is another one
+ * @param of its key: requested again when that changes
  * @param everyMs pause between two questions, perhaps of the newest state; undefined: that one stays
  */
 export function usePolled<T>(

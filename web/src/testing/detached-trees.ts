@@ -28,7 +28,7 @@ function hasNews(node: Symbols, parent: Symbols): boolean {
   );
 }
 
-/** Each file of tests has a window of its own, whose nodes may be of the classes of the last one. */
+/** Each test file has a window of its own, but its nodes may have the classes of the previous one. */
 const CHANGED = Symbol("changed");
 
 export function buildDetachedTreesOnce(): void {

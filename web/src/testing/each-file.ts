@@ -4,8 +4,9 @@
  * What waits for a condition waits as long as a machine at its limit may take, not the second that is the default of `vi.waitFor` and
  * of `findBy…` and `waitFor` of the testing library.
  */
-import { afterEach, vi } from "vitest";
+import { afterAll, afterEach, vi } from "vitest";
 import { isViewOnly } from "../wire/capabilities";
+import { endTimers, watchTimers } from "./timers";
 
 const PATIENCE = { timeout: 20_000 };
 const FRAME_MS = 4;
@@ -13,6 +14,9 @@ const FRAME_MS = 4;
 const waitFor = Reflect.get(vi, "plainWaitFor") ?? vi.waitFor;
 Reflect.set(vi, "plainWaitFor", waitFor);
 vi.waitFor = (check, options = PATIENCE) => waitFor(check, options);
+
+watchTimers();
+afterAll(endTimers);
 
 afterEach(() => {
   isViewOnly.value = false; // files share modules: a refused request in one disabled buttons in the next
@@ -28,7 +32,7 @@ if (typeof document !== "undefined") {
   const { cleanup, configure, prettyDOM } = await import("@testing-library/preact");
   configure({ asyncUtilTimeout: PATIENCE.timeout, getElementError: lazyError });
 
-  /** Printing the document with each element that is not there yet took a fifteenth of the time: it is printed when somebody reads it. */
+  /** Printing the document for each element that is still missing took a fifteenth of the time: it is printed when it is read. */
   function lazyError(words: string | null, container: Element): Error {
     let text: string | undefined;
     const error = new Error();

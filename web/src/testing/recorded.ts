@@ -106,7 +106,7 @@ function keyOf(text: string): string {
   return cut < 0 ? text : text.slice(0, cut + 1) + JSON.stringify(inOrder(JSON.parse(text.slice(cut + 1))));
 }
 
-/** Time from a request to its answer: the page is drawn meanwhile. */
+/** Time from a request to its answer, in which the page is drawn. */
 const [ON_THE_WAY_MS, SLOW_MS] = [5, 200];
 
 /**

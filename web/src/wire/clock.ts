@@ -2,7 +2,7 @@
  * Estimate of the server's clock, so that "4 ms old" is true on a tablet whose own clock is minutes off.
  *
  * A ping carries our time t, the answer the server's time s, and it comes back at t'. The server read its clock between t and t', so
- * s − (t + t')/2 is its lead over us, wrong by at most half the round trip. Of the last pings the one with the shortest round trip
+ * s − (t + t')/2 is its lead over us, wrong by at most half the round trip. The ping with the shortest round trip among the last ones
  * is used; old ones are dropped because the two clocks drift against each other.
  */
 

@@ -26,7 +26,7 @@ declare module "../extension/extension" {
 export interface Companion {
   /** Unique; its name in files, so it never changes. */
   readonly key: string;
-  /** What goes with a workspace of these devices; undefined: nothing. */
+  /** What is stored with a workspace of these devices; undefined: nothing. */
   readonly read: (devices: readonly DeviceInfo[]) => Promise<Json | undefined>;
   /** A sentence once it was saved in a file. */
   readonly saved: (json: Json) => string;

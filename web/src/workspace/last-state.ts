@@ -8,7 +8,7 @@ import type { App } from "../page/context";
 import { withoutMoment, workspaceOf } from "./parts";
 import { sessionOf, type WorkspaceSession } from "./session";
 
-/** Shows what it has for a family, as long as nothing was changed meanwhile. */
+/** Shows the last state of a family, unless something has been changed since. */
 export type WorkspaceDefault = (session: WorkspaceSession, family: string, isUntouched: () => boolean) => Promise<void>;
 
 declare module "../extension/extension" {
@@ -51,7 +51,7 @@ export function startLastState(app: App, isLinked: boolean): () => void {
     const last = stored(first);
     if (!isLinked && last !== null) session.open(last);
     else if (!isLinked) {
-      // a person who was quicker keeps what he did
+      // Changes that the user has made since are kept.
       for (const open of fromExtensions("workspaceDefaults")) await open(session, first, () => textNow() === before);
     }
     session.history.restart();

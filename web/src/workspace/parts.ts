@@ -45,7 +45,7 @@ export interface Workspace {
 }
 
 export const FORMAT = "imuscope-workspace";
-/** Counts changes that an older page would misread; a new part is none. */
+/** Grows with each change that an older page would misread; a new part is not one. */
 export const VERSION = 1;
 
 const parts = new Map<string, WorkspacePart>();

@@ -375,7 +375,7 @@ class Resampled(Stream):
         return int(np.floor((time - self._first) * self.rate + 1e-9)) + 1
 
     def _indices(self, times: Floats, end: int) -> Floats:
-        """Numbers of the even times that are due. Of a gap with many the first few: a clock may jump by years."""
+        """Numbers of the even times that are due. In a long gap only the first few: a clock may jump by years."""
         parts, begin = [], self._count
         steps = np.diff(times)
         for at in np.flatnonzero((steps > self._longest) & (steps * self.rate > MAX_IN_GAP)):

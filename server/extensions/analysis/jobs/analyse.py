@@ -99,7 +99,7 @@ def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:
 
 
 def print_table(reports: Sequence[SignalReport], out: TextIO) -> None:
-    """A column for each signal, a line for each figure. Of a list, its length is shown; --json has all of it."""
+    """A column for each signal, a line for each figure. Lists are shown by their length; --json has them whole."""
     lines = [["", *(report.name for report in reports)]]
     flat = [_flattened(report.figures) for report in reports]
     for name in flat[0]:

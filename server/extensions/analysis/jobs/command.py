@@ -15,7 +15,7 @@ _COLUMN = 34
 
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope analyse`."""
-    command = add_parser("analyse", help="print figures of signals of a recording, log or capture")
+    command = add_parser("analyse", help="print statistics, spectra and other figures of signals in a file")
     add_file(command)
     command.add_argument("analysis", metavar="ANALYSIS", help="name of an analysis, see below; or comparison")
     command.add_argument(
@@ -51,9 +51,11 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
         help="offset: by the clock, B moved by --offset (default); start: the first samples coincide; correlation: "
         "where the signals fit best",
     )
-    group.add_argument("--offset", type=float, default=0.0, metavar="S", help="s to add to the times of B (default 0)")
     group.add_argument(
-        "--search", type=float, metavar="S", help="correlation searches as far as this on both sides of --offset"
+        "--offset", type=float, default=0.0, metavar="S", help="seconds to add to the times of B (default 0)"
+    )
+    group.add_argument(
+        "--search", type=float, metavar="S", help="how far correlation searches on both sides of --offset, s"
     )
     return command
 

@@ -189,7 +189,7 @@ def _misfit(columns: Table, variance: Floats, weight: Floats, terms: list[int]) 
 
 
 def _standard_errors(columns: Table, weight: Floats, terms: list[int]) -> dict[int, float]:
-    """Of the squares of the terms kept."""
+    """Standard errors of the squares of the kept terms."""
     scaled = columns[:, terms] * weight[:, None]
     size = np.maximum(np.linalg.norm(scaled, axis=0), TINY)
     inverse = np.linalg.pinv((scaled / size).T @ (scaled / size), rcond=1e-12)

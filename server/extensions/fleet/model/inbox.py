@@ -36,7 +36,7 @@ class Inbox:
         self._size = 0
 
     def start(self) -> None:
-        """Begin to handle messages in the running loop. Those of before are dropped."""
+        """Begin to handle messages in the running loop. Earlier ones are dropped."""
         self._loop = asyncio.get_running_loop()
 
     def put(self, sender: str, data: bytes) -> None:

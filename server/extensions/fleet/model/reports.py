@@ -29,7 +29,7 @@ AlarmRaisedState = Literal["raised", "acknowledged", "missing"]
 MAX_MORE = 16
 MAX_TEXT = 100
 PARTS = ("kind", "level", "state", "status", "field")
-"""Of a report, in which something can be unknown."""
+"""Parts of a report whose value a later version may add."""
 _KNOWN: Mapping[str, frozenset[str]] = {
     "kind": frozenset(get_args(wire.EventKind)),
     "level": frozenset(get_args(wire.Level)),
@@ -87,7 +87,7 @@ Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
 Count = Annotated[int, Meta(ge=0, le=2**53 - 1)]
 Name = Annotated[str, Meta(max_length=100)]
 Word = Annotated[str, Meta(min_length=1, max_length=40)]
-"""Of a list that later versions may extend."""
+"""A word from a list that later versions may extend."""
 Further = Annotated[dict[Name, Name], Meta(max_length=MAX_MORE)]
 Sentence = Annotated[str, Meta(max_length=500)]
 Digest = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]

@@ -180,7 +180,7 @@ def _stored(connection: duckdb.DuckDBPyConnection, store: StoreLocation, table: 
 
 
 def _view(connection: duckdb.DuckDBPyConnection, stored: _Stored, sql: str) -> None:
-    """Define a table as a view. Its name and those of its own columns are ours, all others are of any robot."""
+    """Define a table as a view. Its name and its own columns are trusted; all other names come from robots."""
     table = stored.table
     if stored.files is not None:
         _define(connection, f"CREATE VIEW stored_{table.name} AS SELECT * FROM {stored.files.sql}")
@@ -236,9 +236,9 @@ def _long_view(connection: duckdb.DuckDBPyConnection, fields: Sequence[pa.Field]
     _define(connection, "CREATE MACRO samples(name) AS TABLE SELECT * FROM samples WHERE signal = name")
 
 
-def _sql_type(type: pa.DataType) -> str:
+def _sql_type(column_type: pa.DataType) -> str:
     return {pa.string(): "VARCHAR", pa.float64(): "DOUBLE", pa.int64(): "BIGINT", pa.date32(): "DATE"}.get(
-        type, "TIMESTAMPTZ"
+        column_type, "TIMESTAMPTZ"
     )
 
 

@@ -329,7 +329,7 @@ class Collector:
         return robot
 
     def _is_expected(self, robot: _Robot, boot: str) -> bool:
-        """Whether an answer may be of this run: another one than requested if that has ended."""
+        """Whether an answer may come from this run: not the requested one if that has ended."""
         return boot == robot.stored.boot or (len(robot.boots) == 1 and robot.stored.boot not in robot.boots)
 
     def _turn_to(self, robot: _Robot, boot: str) -> None:

@@ -19,7 +19,7 @@ from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.devices.link.session import Session
 from imuscope.server.links.base import Chunk, LinkSettings
 from imuscope.server.streaming.telemetry import Telemetry
-from tests.bench.serial_device import frame
+from tests.bench.support.serial_device import frame
 from tests.recordings.mcap_files import messages
 from tests.support.fakes import FakeClock, FakeLink
 

@@ -106,7 +106,7 @@ export function spansByPlot(
   ]);
 }
 
-/** The marks of the device in view; computed anew when its events or alarms have changed. */
+/** The marks of the device in view; recomputed when its events or alarms have changed. */
 function alarmsOn(store: Store, { view }: ViewState): () => AlarmMarks {
   const alarms = alarmList(store);
   let before: readonly unknown[] = [];

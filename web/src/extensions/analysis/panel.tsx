@@ -17,7 +17,7 @@ interface Props {
   readonly only?: AnalysisPanel;
 }
 
-/** Of the selected device; another device begins anew. */
+/** Of the selected device; another device starts over. */
 function SelectedAnalysis({ deps, ...rest }: Props) {
   const { store, recording } = deps;
   const device = selected(deps)?.id;

@@ -191,7 +191,7 @@ test("a result is written like any change: asked once, then carried out, with it
   expect(screen.queryByRole("status")).toBeNull();
   answering({ ...answers, [apply]: job }).push(...asked);
   fireEvent.click(screen.getByRole("button", { name: "Continue" }));
-  expect((await screen.findByRole("status")).textContent).toContain("Read back equal. The settings of before");
+  expect((await screen.findByRole("status")).textContent).toContain("Read back equal. The previous settings");
 });
 
 test("a device that was not read is read first, which writes nothing", async () => {
@@ -209,7 +209,7 @@ test("a device that was not read is read first, which writes nothing", async () 
   now = { ...found, write: { ...write, values: { q0: 1 }, problem: "" } };
   await screen.findByRole("button", { name: "Write to the device" }, { timeout: 20_000 });
   expect(screen.getByRole("status").textContent).toContain("12 settings read.");
-  expect(screen.getByRole("status").textContent).not.toContain("The settings of before");
+  expect(screen.getByRole("status").textContent).not.toContain("The previous settings");
 });
 
 test("a refusal of the server is shown", async () => {

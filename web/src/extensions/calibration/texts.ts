@@ -58,5 +58,5 @@ export const TEXT = {
   proceed: "Continue",
   cancel: "Cancel",
   waiting: "Waiting…",
-  written: "The settings of before are among the snapshots in Configure, from where they can be restored.",
+  written: "The previous settings are in a snapshot in Configure, from where they can be restored.",
 };

@@ -130,7 +130,7 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
   );
 }
 
-/** Names of the columns of the channel that these figures are of. */
+/** Names of the columns of the channel that these figures describe. */
 export function columnsOf(figures: readonly SignalFigures[]): readonly string[] {
   return figures.length < 2 ? ["value"] : figures.map(({ signal }) => signal.slice(signal.lastIndexOf(".") + 1));
 }

@@ -1,4 +1,4 @@
-/** What a histogram is of: the columns that were chosen, or those of the quantity that a person most likely wants to see. */
+/** Columns of a histogram: the chosen ones, or those of the quantity that a user most likely wants to see. */
 import type { Channel } from "../../data/channels";
 import type { HistogramChoice } from "../../data/view";
 import { type Found, plottable, unitOf } from "../../signals/custom-plots";

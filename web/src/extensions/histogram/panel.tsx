@@ -36,7 +36,7 @@ const LIVE_MS = 500;
 const PER_SECOND = 10;
 
 interface Answered {
-  /** What it is of, apart from the range. */
+  /** Its columns and options, without the range. */
   readonly of: string;
   readonly shown: readonly HistogramContent[];
   readonly unit: string;

@@ -39,7 +39,7 @@ export interface MeasureDeps extends Partial<SampleAccess> {
 /** Time for figures in one frame's 16 ms, in ms; one series is done in any case. */
 const FIGURES_MS = 3;
 
-/** Of a line whose figures are not known yet, or are those of another range. */
+/** For a line whose figures are not known yet or belong to another range. */
 const UNKNOWN: RangeFigures = { ...NO_FIGURES, n: NaN, gaps: NaN };
 
 interface Line {

@@ -56,7 +56,7 @@ it("goes to a time, and from there on", async () => {
   await vi.waitFor(() => expect(said()).toBe("The data are from 08:53:20 to 08:55:00 UTC."));
 });
 
-it("is as it was when its page is made anew, with the caret after what was typed", async () => {
+it("is unchanged after its page is rebuilt, with the caret after the typed text", async () => {
   open();
   await type("12:00");
   await vi.waitFor(() => expect(said()).toBe("The data are from 08:53:20 to 08:55:00 UTC."));

@@ -21,7 +21,7 @@ const KINDS: readonly Destination[] = ["sample", "event", "marker", "gap", "cond
 export function GoTo({ deps }: { readonly deps: UnderPlots }) {
   const { actions } = deps.viewState;
   const { bar: goTo, steps } = stateOf(deps.viewState);
-  // of the view: the page of a recording is made anew when more of it has been decoded
+  // of the view: the page of a recording is rebuilt when more of it has been decoded
   const say = (said: GoToBar["said"]): void => {
     goTo.value = { ...goTo.peek(), said };
   };

@@ -1,4 +1,4 @@
-/** State of the bar of a view: it outlives the page of a recording, which is made anew when more of it has been decoded. */
+/** State of the bar of a view: it outlives the page of a recording, which is rebuilt when more of it has been decoded. */
 import { signal } from "@preact/signals";
 import type { ViewState } from "../../data/view-state";
 import { madeFor } from "../../page/app-state";

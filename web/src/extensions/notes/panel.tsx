@@ -53,7 +53,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
     stored.value = info.notes;
     return info.notes;
   };
-  const seen = deps.store.library.value; // incremented when somebody changes a recording
+  const seen = deps.store.library.value; // incremented when a recording changes
   // biome-ignore lint/correctness/useExhaustiveDependencies: read again when the library changes
   useEffect(() => {
     if (before.peek() === undefined) void read();
@@ -95,7 +95,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   };
   const cancel = (): void => {
     before.value = theirs.value = problem.value = undefined;
-    void read(); // what others changed meanwhile was not looked at
+    void read(); // changes by other users were not checked
   };
   const note = problem.value && <ProblemNote problem={problem.value} />;
   if (stored.value === undefined) return note ?? <p class="foot-note dim" aria-busy="true" />;

@@ -58,7 +58,7 @@ export interface PackageDoor {
 /** Loads the parts of the page that installed packages bring. One that fails is shown as a problem, and stops nothing. */
 export async function loadExtensionPackages(app: App): Promise<void> {
   const outcome = await request("GET /api/extensions");
-  if (!outcome.ok) return; // a server of before; a refusal is shown by the page itself
+  if (!outcome.ok) return; // an older server; the page itself shows a refusal
   await Promise.all(outcome.value.filter(({ module }) => module !== "").map((one) => load(app, one)));
 }
 

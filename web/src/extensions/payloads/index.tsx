@@ -1,4 +1,4 @@
-/** Payloads that nobody described: their bytes, and the form that defines them. */
+/** Payloads without a definition: their bytes, and the form that defines them. */
 import { registerExtension } from "../../extension/extension";
 import type { LiveDialogProps } from "../../page/context";
 import { late } from "../../ui/dom/late";

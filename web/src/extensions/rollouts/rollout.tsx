@@ -30,7 +30,7 @@ type AllJobs = Store["jobs"]["value"];
 type Check = Outcome<Difference & { readonly base: Present }>;
 type Checks = Readonly<Record<string, Check>>;
 
-/** Result of each device that a profile was written to: the job (no id: of an earlier run of the server), as last seen, or why there is none. */
+/** Result for each device of a profile: the job as last seen (without id: from an earlier run of the server), or why it has none. */
 type RolloutResults = Readonly<
   Record<
     string,
@@ -38,7 +38,7 @@ type RolloutResults = Readonly<
   >
 >;
 
-/** They stay until they are dismissed, whatever is shown meanwhile. */
+/** They stay until they are dismissed, whatever else is shown. */
 const resultsOf = madeFor((store: Store) => {
   const results = signal<RolloutResults>({});
   effect(() => follow(results, store.jobs.value));
@@ -335,7 +335,7 @@ function Result({
 const jobOf = (jobs: AllJobs, device: string, id: number | undefined): Job | undefined =>
   id === undefined ? undefined : jobIn(jobs.get(device), id);
 
-/** Keep the results of jobs here; the server keeps only a few jobs, and another run of it numbers them anew. */
+/** Keep the results of jobs here; the server keeps only a few jobs, and another run of it renumbers them. */
 function follow(results: Signal<RolloutResults>, jobs: AllJobs): void {
   const next: Record<string, RolloutResults[string]> = { ...results.value };
   let changed = false;

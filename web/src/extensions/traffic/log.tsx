@@ -270,7 +270,7 @@ class TrafficState {
       before = sensor.value;
     });
     effect(() => {
-      if (store.jobs.value.size === 0) this.#forget(); // another run of the server numbers entries anew
+      if (store.jobs.value.size === 0) this.#forget(); // another run of the server renumbers entries
     });
     effect(() => {
       if (model.loads.value > 0) void this.loadOlder(undefined);

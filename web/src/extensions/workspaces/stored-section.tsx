@@ -41,7 +41,7 @@ export function StoredSection({ session, deps }: Props) {
   const run = async (act: () => Promise<HttpProblem | undefined>, done: string): Promise<void> => {
     const mine = ++turn.current;
     const found = await act();
-    if (mine !== turn.current) return; // something else was chosen meanwhile
+    if (mine !== turn.current) return; // another choice has been made since
     problem.value = found;
     said.value = found ? "" : done;
     await refresh();
@@ -125,7 +125,7 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
   );
 }
 
-/** Somebody else saved the workspace meanwhile: nothing is replaced unless a person says so. */
+/** Another user has saved the workspace since: nothing is replaced without confirmation. */
 function Conflict({ session, deps, name, run }: Props & { readonly name: string; readonly run: Run }) {
   return (
     <div class="stored-row control-row">

@@ -27,7 +27,7 @@ export interface Drawing {
   readonly isTrail: boolean;
   readonly isPoints: boolean;
   readonly isEqual: boolean;
-  /** The pairs are of another range than wanted. */
+  /** The pairs belong to another range than the requested one. */
   readonly isOld: boolean;
   readonly marks: readonly { readonly letter: string; readonly x: number; readonly y: number }[];
 }

@@ -77,7 +77,7 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
 function Progress({ model, id }: { readonly model: Model; readonly id: number }) {
   const job = jobOf(model, id);
   const bar = useRef<HTMLDivElement>(null);
-  // "Apply" is gone with the bar it stood on: the focus stays where it was, for who works by keyboard.
+  // The bar with "Apply" is gone; keyboard users keep their focus at its place.
   useEffect(() => {
     if (document.activeElement === document.body || document.activeElement === null) bar.current?.focus();
   }, [id]);
@@ -112,7 +112,7 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
   model.page.wrote(model.id);
   const outcome = await configureApi.apply(model.writeName, body);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
-    await model.asking.now(names); // who is quick applies before the preview has said that the change is temporary
+    await model.asking.now(names); // A quick user applies before the preview has said that the change is temporary.
     const temporary = names.some((name) => model.previews.value[name]?.line);
     const caution = names.map((name) => model.setting(name)?.caution ?? "").find((one) => one !== "");
     model.page.question.value = {

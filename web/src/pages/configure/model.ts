@@ -8,7 +8,7 @@
  *
  * A draft is dropped when the device has it, and rebased on changes by other users (forms/rebase.ts). Models outlive a change of page,
  * so edits stay. They are for one sensor, known by its serial number: if another one comes to the device's place, they are put aside
- * until it is back, on whichever port; a page that is loaded anew has them too, as long as its tab is open. All state of one device is here; modules keep none.
+ * until it is back, on whichever port; a page that is reloaded has them too, as long as its tab is open. All state of one device is here; modules keep none.
  */
 import { batch, computed, effect, type ReadonlySignal, type Signal, signal, untracked } from "@preact/signals";
 import type { Store } from "../../data/store";
@@ -68,7 +68,7 @@ export class Model {
   readonly wrong: Signal<ReadonlyMap<string, string>> = signal(new Map());
   /** Why the forms cannot be shown, or the last request failed. */
   readonly problem: Signal<HttpProblem | undefined> = signal(undefined);
-  /** Counts how often forms and values were loaded: after each connection anew. */
+  /** Counts how often forms and values were loaded: again after each connection. */
   readonly loads = signal(0);
   /** Number of discards or undos of each setting's edits, which reset typed texts. */
   readonly epochs: Signal<Readonly<Record<string, number>>> = signal({});
@@ -117,7 +117,7 @@ export class Model {
   readonly putAside: Signal<{ readonly of: string; readonly count: number } | undefined> = signal(undefined);
 
   readonly asking = new Previews(this);
-  /** Forms that are shown as soon as the values are there: nobody is told "never read" of what was read. */
+  /** Forms that are shown once the values have arrived: values that were read are never shown as "never read". */
   #coming: Forms | undefined;
   /** Of requests for the values: an answer that a later one has overtaken is old. */
   #turn = 0;
@@ -159,7 +159,7 @@ export class Model {
     });
     effect(() => {
       if (this.jobs.value !== undefined) return;
-      // another run of the server numbers jobs anew
+      // another run of the server renumbers jobs
       this.applied.value = this.restoring.value = this.lastRead.value = undefined;
       this.sent.value = {};
     });

@@ -62,7 +62,7 @@ export class ConfigureState {
   /** Edits for sensors that are not there now, by their key. */
   readonly aside = storedEdits();
 
-  /** Stores all edits for this tab: a page that is loaded anew begins with them. */
+  /** Stores all edits for this tab: a page that is reloaded begins with them. */
   storeEdits(): void {
     const own = [...this.models.values()].flatMap(({ edits }) => (edits ? [edits] : []));
     const all = [...this.aside, ...own].map(([sensor, edits]) => [sensor, { ...edits, undo: [] }]);

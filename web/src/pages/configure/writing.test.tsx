@@ -37,7 +37,7 @@ test("a refused value is reported, and the edit is still there to be made again"
 });
 
 /** Regression: the confirmation did not mention that the change is temporary, and its button read "Write". */
-test("who applies before the preview has come is told all the same that the change is temporary", async () => {
+test("a change applied before its preview has arrived is still reported as temporary", async () => {
   const [, preview] = Object.entries(known.answers).find(([key]) => key.includes('"PortConfig"')) ?? [];
   const line = "The device will answer at 921 600 Bd.";
   const harm = { kind: "confirm", message: line, hint: "" };

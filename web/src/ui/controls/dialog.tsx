@@ -15,7 +15,7 @@ interface Props {
 export function Dialog({ title, onClose, wide = false, children }: Props) {
   const ref = useRef<HTMLDialogElement>(null);
   const heading = useRef<HTMLHeadingElement>(null);
-  /** Closed below, or gone with a page that is drawn anew: the browser's `close` says nothing new. */
+  /** Closed below, or gone with a page that is redrawn: the browser's `close` says nothing new. */
   const isGone = useRef(false);
   useEffect(() => {
     const dialog = ref.current;

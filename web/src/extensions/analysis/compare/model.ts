@@ -235,7 +235,7 @@ export async function compareNow(model: CompareModel, signal_: AbortSignal, alig
   });
   if (signal_.aborted) return;
   busy.value = "";
-  if (align && place.peek() !== before) return compareNow(model, signal_); // a person chose others meanwhile
+  if (align && place.peek() !== before) return compareNow(model, signal_); // the user has chosen others since
   problem.value = outcome.ok ? undefined : outcome.problem;
   if (!outcome.ok) return;
   answer.value = outcome.value;

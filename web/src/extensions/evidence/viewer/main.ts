@@ -29,7 +29,7 @@ function start(): void {
     addEventListener(name, () => {
       paint(isPaper);
       viewer.paper(isPaper);
-      // on paper nobody can open them
+      // They cannot be opened on paper.
       if (isPaper) for (const details of document.querySelectorAll("details")) details.open = true;
     });
   }

@@ -28,7 +28,7 @@ export interface RobotCell {
   /** More of it, smaller and after the unit. */
   readonly more?: string;
   readonly tone?: Tone | undefined;
-  /** As it should be: not for the eye of somebody who looks for trouble. */
+  /** As expected: nothing that a user looking for trouble has to see. */
   readonly isQuiet?: boolean;
 }
 

@@ -1,5 +1,5 @@
 /**
- * Conditions for which a robot needs somebody, from the most urgent one to none. The order of the list, the counts above it, its filters
+ * Conditions in which a robot needs attention, from the most urgent one to none. The order of the list, the counts above it, its filters
  * and the colours of cells and map all come from here. Pure.
  */
 import type { RobotDevice, RobotSummary } from "../../../wire/routes";

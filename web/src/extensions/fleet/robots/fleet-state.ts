@@ -9,7 +9,7 @@ import { columnNamed, type RobotColumn } from "./columns";
 import { arrange, countAll, type RobotGroup, isSameOrder, robotLines } from "./order";
 import { Robots } from "./robots";
 
-/** Pause between two requests, ms; longer while nobody sees the page. */
+/** Pause between two requests, ms; longer while the page is hidden. */
 const ASK_MS = 1000;
 const HIDDEN_MS = 10_000;
 /** Failed requests after which the server counts as away. */

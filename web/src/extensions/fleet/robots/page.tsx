@@ -1,4 +1,4 @@
-/** The page of a fleet: all robots at a glance, those that need somebody first. Loaded on a fleet server only. */
+/** The page of a fleet: all robots at a glance, those that need attention first. Loaded on a fleet server only. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect } from "preact/hooks";
 import type { App } from "../../../page/context";

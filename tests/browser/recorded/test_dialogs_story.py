@@ -21,7 +21,7 @@ from imuscope.server.extensions.calibration.magnetometer import magnetometer_iro
 from imuscope.server.extensions.calibration.report import CalibrationReport
 from imuscope.server.extensions.calibration.routes import AvailableCalibration, CalibrationState
 from tests.browser.page_checks import PHONE, click, fits, press, serious, small_targets
-from tests.browser.stories import Story
+from tests.browser.recorded.stories import Story
 from tests.support.chromium import until
 
 DIALOG = "document.querySelector('dialog[open]')"

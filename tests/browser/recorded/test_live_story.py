@@ -13,7 +13,7 @@ from typing import Any
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, fits, go_to, serious, small_targets
-from tests.browser.stories import Story
+from tests.browser.recorded.stories import Story
 from tests.support.chromium import until
 
 SHOWN = (

@@ -1,8 +1,9 @@
 """A device on a pseudo-terminal for the benchmarks: ten values at a given rate, and when each frame was written.
 
-    python -m tests.bench.serial_device RATE SECONDS  prints the terminal's path; starts after a line on standard input;
-                                                then prints one JSON line: {"first": counter, "written": [unix s, …]}
-                                                (or ends with a word on standard error when nobody reads)
+    python -m tests.bench.support.serial_device RATE SECONDS
+
+It prints the terminal's path, starts after a line on standard input, and then prints one JSON line: {"first": counter,
+"written": [unix s, …]} (or ends with a word on standard error when nobody reads).
 
 It is a process of its own so that its processor time is not the server's, and it encodes everything before it starts.
 The frames are written by hand here, not by the code that is measured:
@@ -92,7 +93,7 @@ class Feed(SendingProcess):
     """
 
     def __init__(self, rate: float, seconds: float) -> None:
-        super().__init__("tests.bench.serial_device", str(rate), str(seconds))
+        super().__init__("tests.bench.support.serial_device", str(rate), str(seconds))
         self.terminal = self.line().strip()
 
     def written(self) -> list[float]:

@@ -5,13 +5,13 @@
         speakers.go()           begin
         speakers.sent()         wait for the end: per device frames, bytes and their CRC-32; how late it was
 
-Frames are those of tests/bench/serial_device.py (ten values), made a second at a time with numpy and written every
-`TICK_S`, which is how often USB asks an adapter: eight writes of two frames each for four devices at 2 kHz. A terminal
-that is full is waited for, so nothing is lost on this side; how late that made a write is told.
+Frames are those of tests/bench/support/serial_device.py (ten values), made a second at a time with numpy and written
+every `TICK_S`, which is how often USB asks an adapter: eight writes of two frames each for four devices at 2 kHz. A
+terminal that is full is waited for, so nothing is lost on this side; how late that made a write is told.
 
 `speed` makes time go faster: 50 sends the frames of 50 seconds in each, and their clocks say so.
 
-    python -m tests.bench.serial_devices DEVICES RATE SECONDS SPEED     (seconds of the devices' own time)
+    python -m tests.bench.support.serial_devices DEVICES RATE SECONDS SPEED     (seconds of the devices' own time)
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.recordings.importers.open_file import open_file
-from tests.bench import serial_device
-from tests.bench.serial_device import SendingProcess
+from tests.bench.support import serial_device
+from tests.bench.support.serial_device import SendingProcess
 
 TICK_S = 0.001
 STUCK_S = 20.0
@@ -74,7 +74,7 @@ class Speakers(SendingProcess):
     """
 
     def __init__(self, devices: int, rate: float, seconds: float, speed: float = 1.0) -> None:
-        super().__init__("tests.bench.serial_devices", *map(str, (devices, rate, seconds, speed)))
+        super().__init__("tests.bench.support.serial_devices", *map(str, (devices, rate, seconds, speed)))
         self.terminals: list[str] = json.loads(self.line())
         self.pid = self._process.pid
         self._result: dict[str, Any] | None = None

@@ -1,6 +1,6 @@
 """Browsers on other machines, for the benchmarks.
 
-python tests/bench/remote_browsers.py URL N      reads everything as N clients, until it is ended
+python tests/bench/support/remote_browsers.py URL N      reads everything as N clients, until it is ended
 """
 
 from __future__ import annotations

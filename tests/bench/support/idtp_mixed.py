@@ -1,6 +1,6 @@
 """A stream for the decoding benchmark: Lite and Safety frames of nine axes and of orientation, from the shared drive.
 
-    python tests/bench/idtp_mixed.py OUT
+    python tests/bench/support/idtp_mixed.py OUT
 
 Two devices take turns, one in each mode, at 100 samples/s of each type, for two minutes.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from imuscope.protocols.idtp.frames import LITE, SAFETY
 from imuscope.protocols.idtp.simulator import IdtpSimulator

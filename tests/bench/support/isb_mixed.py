@@ -1,6 +1,6 @@
 """A file of mixed Inertial Sense messages for decode.py, as a device sends them.
 
-    python tests/bench/isb_mixed.py OUT [SECONDS]
+    python tests/bench/support/isb_mixed.py OUT [SECONDS]
 
 INS and IMU at 250 Hz, PIMU, magnetometer and barometer at 62.5 Hz, GNSS position, velocity, satellites and system
 parameters at 12.5 Hz, and one device information; the payloads are random but for their clocks.
@@ -13,7 +13,7 @@ import struct
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.frames import DATA, build

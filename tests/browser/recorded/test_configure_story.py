@@ -7,7 +7,7 @@ from collections.abc import Callable
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import PHONE, WATCH, click, drawn, fits, go_to, press, serious, small_targets
-from tests.browser.stories import Story
+from tests.browser.recorded.stories import Story
 from tests.support.chromium import until
 
 ACCELERATION = 'tr[data-id="0x4020"]'

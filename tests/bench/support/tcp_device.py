@@ -14,12 +14,12 @@ import socket
 import threading
 import time
 
-from tests.bench.serial_device import frame
+from tests.bench.support.serial_device import frame
 from tests.support.timeouts import PATIENCE_S
 
 
 class TcpDevice:
-    """Sends frames (tests/bench/serial_device.py) to who connects, until that one goes or the block ends.
+    """Sends frames (tests/bench/support/serial_device.py) to who connects, until that one goes or the block ends.
 
     Args:
         rate: frames per second.

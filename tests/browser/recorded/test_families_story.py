@@ -11,7 +11,7 @@ from collections.abc import Callable
 from playwright.sync_api import Page
 
 from tests.browser.page_checks import DESKTOP, PHONE, drawn, fits, serious, small_targets
-from tests.browser.stories import Story
+from tests.browser.recorded.stories import Story
 from tests.support.chromium import until
 
 SHOWN = {"idtp": "[data-numeral]", "secure": "[data-key=wanted]"}
