@@ -20,7 +20,7 @@ from imuscope.server.extensions.analysis.signals.sampling import sampling_of, un
 from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
 
 NAN = float("nan")
-OUTSIDE = 2.5  # per cent of the differences beyond each limit
+OUTSIDE_PERCENT = 2.5  # per cent of the differences beyond each limit
 Figures = dict[str, float]
 
 
@@ -136,7 +136,7 @@ def _checked(result: SignalDifference, name: str) -> SignalDifference:
 
 def difference_figures(values: Floats) -> Figures:
     """Statistics of differences; 95 % of them lie between `low` and `high`."""
-    low, high = np.percentile(values, [OUTSIDE, 100 - OUTSIDE])
+    low, high = np.percentile(values, [OUTSIDE_PERCENT, 100 - OUTSIDE_PERCENT])
     return {
         "n": float(len(values)),
         "mean": float(values.mean()),

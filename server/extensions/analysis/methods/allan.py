@@ -34,7 +34,7 @@ from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
 MIN_SAMPLES = 9
 MOTION = ("exclude", "include")
 TEMPERATURE = ("exclude", "include")
-DRIFT = 2.0  # a ramp that is this many times the rest of the model at the longest averaging time is noted
+DRIFT_RATIO = 2.0  # a ramp that is this many times the rest of the model at the longest averaging time is noted
 
 
 def run(signal: Signal, options: Settings) -> Result:
@@ -130,7 +130,7 @@ def _ramp_note(model: NoiseModel, unit: str) -> str:
     tau = np.array([model.tau[1]])
     ramp = model.parameters["ramp"]
     whole, part = float(model.deviation(tau)[0]), ramp.value * float(tau[0]) / np.sqrt(2)
-    if part < whole / np.sqrt(1 + 1 / DRIFT**2):
+    if part < whole / np.sqrt(1 + 1 / DRIFT_RATIO**2):
         return ""
     drift = f"{ramp.value * 3600:.3g} {unit}/h".strip()
     drifts = f"The bias drifts by {drift}: averaging times near {tau[0]:.3g} s show the drift."

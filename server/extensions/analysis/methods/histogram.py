@@ -18,7 +18,7 @@ from imuscope.server.extensions.analysis.noise.registry import (
 from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
 
 MOST_BINS = 2000
-WIDEST = 1e15
+MAX_RANGE = 1e15
 
 
 def run(signal: Signal, options: Settings) -> Result:
@@ -91,8 +91,10 @@ register_analysis(
         (
             AnalysisOption("bins", 0.0, 0.0, MOST_BINS, doc="Number of bins; 0: by the rule of Freedman and Diaconis."),
             AnalysisOption("within", 0.0, 0.0, 100.0, doc="Values up to this many σ from the mean; 0: all values."),
-            AnalysisOption("low", 0.0, -WIDEST, WIDEST, doc="Least value shown; with high 0 as well: all values."),
-            AnalysisOption("high", 0.0, -WIDEST, WIDEST, doc="Greatest value shown."),
+            AnalysisOption(
+                "low", 0.0, -MAX_RANGE, MAX_RANGE, doc="Least value shown; with high 0 as well: all values."
+            ),
+            AnalysisOption("high", 0.0, -MAX_RANGE, MAX_RANGE, doc="Greatest value shown."),
         ),
         order=2,
     )
