@@ -13,7 +13,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.triads import Floats
+from imuscope.protocols.arrays import Floats
 
 RINGS = (3, 9, 12)
 HALF = sum(RINGS)

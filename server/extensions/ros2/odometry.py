@@ -13,9 +13,10 @@ Source: common_interfaces (Jazzy); REP 103, REP 105: the pose is in header.frame
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import to_body
 from imuscope.recordings.exporters.enu import Origin, enu_of, enu_turns, is_place
-from imuscope.server.extensions.ros2.axes import Floats, world_vectors
+from imuscope.server.extensions.ros2.axes import world_vectors
 from imuscope.server.extensions.ros2.covariances import NOT_KNOWN_HEADING, SensorNoise
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin
 from imuscope.server.extensions.ros2.message_builder import (

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 
 BLOCK = 1 << 16  # samples at once: they fit into the cache, and threads rarely wait for the interpreter between steps
 OUTSIDE = 0.025  # probability beyond each end of the interval
