@@ -92,7 +92,6 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _bus_id(text: str) -> str:
-    """A bus identifier, 1 to 255."""
     if not text.isascii() or not text.isdigit() or not 0 < int(text) <= 255:
         raise argparse.ArgumentTypeError(f"{text!r:.40} is not a bus identifier; give a number from 1 to 255")
     return str(int(text))

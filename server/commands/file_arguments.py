@@ -9,7 +9,6 @@ AddParser: TypeAlias = Callable[..., argparse.ArgumentParser]
 
 
 def add_file(command: argparse.ArgumentParser) -> None:
-    """Add the file to read."""
     command.add_argument(
         "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
     )

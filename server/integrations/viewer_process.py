@@ -232,7 +232,6 @@ class KeptProcess:
         return None if self._process is None else self._process.pid
 
     def start(self) -> None:
-        """Start in the background."""
         self._task = asyncio.create_task(self._keep_running(), name="kept process")
 
     async def close(self) -> None:

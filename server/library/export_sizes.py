@@ -43,14 +43,14 @@ def sizes(request: ExportRequest, folder: Path) -> dict[str, int]:
     samples = [request] if total <= MAX_WHOLE_ROWS else _samples(request, total)
     counts = [_rows(one) for one in samples]
     by_format: dict[str, int] = {}
-    for format in SAMPLED:
+    for export_format in SAMPLED:
         with contextlib.suppress(RecordingError):
-            first, *more = [_written(format, one, folder) for one in samples]
+            first, *more = [_written(export_format, one, folder) for one in samples]
             if more and counts[1] > counts[0]:
                 per_row = max(0.0, more[0] - first) / (counts[1] - counts[0])
-                by_format[format] = round(more[0] + per_row * (total - counts[1]))
+                by_format[export_format] = round(more[0] + per_row * (total - counts[1]))
             else:
-                by_format[format] = round(first * total / max(1, counts[0]))
+                by_format[export_format] = round(first * total / max(1, counts[0]))
     return by_format
 
 
@@ -80,9 +80,9 @@ def _rows(request: ExportRequest) -> int:
     return sum(past - at for at, past in (request.rows(info["id"]) for info in request.infos))
 
 
-def _written(format: str, request: ExportRequest, folder: Path) -> int:
+def _written(export_format: str, request: ExportRequest, folder: Path) -> int:
     with tempfile.TemporaryDirectory(dir=folder) as name:
-        files = export(format, request, Path(name) / f"sample{FORMATS[format].suffix}")
+        files = export(export_format, request, Path(name) / f"sample{FORMATS[export_format].suffix}")
         return one_file(files, Path(name), "sample-zip").stat().st_size
 
 

@@ -94,7 +94,6 @@ class ForeignFiles:
         return value
 
     async def json(self, function: str, *arguments: object, user: str = "", most: int = MAX_PASSED) -> bytes:
-        """As `call`, as JSON."""
         call = _call(function, arguments)
         async with self._turn(call, user):
             facts, body = await self._forks.run(call)

@@ -161,7 +161,6 @@ def to_json_safe(value: Any) -> Any:
 
 
 def encode_text(message: ServerText | BrowserText) -> str:
-    """One text frame."""
     return json.dumps(to_json_safe(message), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 

@@ -145,7 +145,6 @@ class Session:
 
     @property
     def decode_options(self) -> DecodeOptions:
-        """Decode options of the device."""
         return self._pipeline.options
 
     @property

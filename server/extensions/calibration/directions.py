@@ -13,7 +13,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.triads import Floats
+from imuscope.protocols.arrays import Floats
 
 CELLS_PER_RING = (3, 9, 12)
 HALF = sum(CELLS_PER_RING)

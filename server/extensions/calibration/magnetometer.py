@@ -22,7 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.triads import Floats, Samples
+from imuscope.protocols.arrays import Floats
+from imuscope.server.extensions.analysis.signals.triads import Samples
 from imuscope.server.extensions.calibration.directions import (
     CELLS,
     CELLS_PER_RING,

@@ -9,11 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.tables.clocks.steps import StepOfClock
-
-Floats = NDArray[np.float64]
 
 MOST_POINTS = 200  # of the course of a difference
 SIDE_ROWS = (20, 4000)  # fewest and most rows on a side of a step that distinguish it from a stall

@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> None:
     from imuscope.server.extensions.clocks.print_clocks import print_clocks
 
     with opened as path:
-        print_clocks(path, decode_options, sys.stdout, sys.stderr, format=options.format)
+        print_clocks(path, decode_options, sys.stdout, sys.stderr, text_format=options.format)
 
 
 def _is_live(source: str) -> bool:

@@ -14,16 +14,14 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.tables.clocks.axis import AHEAD, step_limits
 from imuscope.recordings.tables.clocks.steps import ClockWatch, StepOfClock, periods_of
 from imuscope.recordings.tables.time_units import UNITS, is_dated
 from imuscope.server.extensions.clocks.against import ClockDifference, difference_between
 from imuscope.server.library.collector import DEVICE_TIME
-
-Floats = NDArray[np.float64]
 
 MOST_ROWS = 4_000_000  # examined of one message: an hour at 1 kHz
 MOST_STEPS = 20  # listed of one clock

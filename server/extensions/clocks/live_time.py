@@ -64,7 +64,6 @@ class MemorySource:
         return sizes
 
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
-        """All of them."""
         [device] = self.devices
         for first in range(0, len(self.ends), PART_CHUNKS):
             past = min(first + PART_CHUNKS, len(self.ends))

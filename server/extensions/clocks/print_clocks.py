@@ -33,13 +33,13 @@ WORDS = {
 }
 
 
-def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO, *, format: str = "table") -> None:
+def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO, *, text_format: str = "table") -> None:
     """Print the clocks of a file.
 
     Args:
         reading: decode options; without a protocol it is detected.
         notes: stream for the progress bar, and for the clock that is the time axis.
-        format: "table" for people, "json" for programs.
+        text_format: "table" for people, "json" for programs.
 
     Raises:
         UsageError, RecordingError, DomainError: the file cannot be decoded.
@@ -47,7 +47,7 @@ def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO,
     with decoded(path, reading, notes, of_device=True) as store:
         if not store.manifest.get("time"):
             print(f"imuscope: {RECORDING_WORDS}", file=notes)
-        if format == "json":
+        if text_format == "json":
             out.write(json.dumps(as_json(store), ensure_ascii=False, allow_nan=False) + "\n")
         else:
             _print_table(store, out)

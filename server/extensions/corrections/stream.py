@@ -91,8 +91,6 @@ class CorrectionSource(Protocol):
 
 
 class _Caster:
-    """An NTRIP caster."""
-
     def __init__(self, caster: Caster) -> None:
         self._caster = caster
         self._stream: CasterStream | None = None

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 
 MAX_TICKS = 2**32 - 1
 LEAST_TICK_S = 1e-7  # the resolution of a unix time as a 64-bit float

@@ -109,6 +109,5 @@ class Foxglove:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     service = Foxglove(services.telemetry, services.config.of(FoxgloveSettings).foxglove, services.access)
     yield ServicePart("Foxglove", service, service.close, service.start)

@@ -59,6 +59,7 @@ PAGE_HEADERS = {**HEADERS, "content-security-policy": "; ".join(POLICY)}
 TRY_LATER = 1013  # code of a closed WebSocket (IANA registry)
 SEND_S = 10.0  # a browser that does not take a batch for this long is disconnected
 LAG_INTERVAL_S = 0.5
+AS_MUCH = "as much as a browser can hold, not as much as it draws smoothly"  # of what a recording has
 
 
 Time = Annotated[float | None, Query(description="unix seconds")]
@@ -137,11 +138,11 @@ async def get_amount(
     store: OneStore,
     t0: Time = None,
     t1: Time = None,
-    all: Annotated[bool, Query(description="as much as a browser can hold, not as much as it draws smoothly")] = False,
+    as_much: Annotated[bool, Query(alias="all", description=AS_MUCH)] = False,
 ) -> ViewerQuery:
     """Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device."""
     begin, end = _stretch(t0, t1)
-    limit = await asyncio.to_thread(limit_of, store, begin, end, as_much=all)
+    limit = await asyncio.to_thread(limit_of, store, begin, end, as_much=as_much)
     first, last = store.span() or (0.0, 0.0)
     span = max(0.0, min(end, last) - max(begin, first))
     whole_s = span * min(1.0, MAX_WHOLE_ROWS / max(1, limit.rows))

@@ -135,7 +135,6 @@ class RerunFeed:
         self.viewers: set[RerunViewer] = set()
 
     async def start(self) -> None:
-        """Start the stream."""
         self._process = ViewerProcess(self._telemetry.clients, FEED, self._on_report, self._crashed)
         try:
             await self._process.start()
@@ -213,7 +212,6 @@ class Rerun:
         self.slots = asyncio.Semaphore(MAX_STREAMS)
 
     async def start(self) -> None:
-        """Start the stream to a remote viewer, if configured."""
         if self._remote is not None:
             self._remote.process.start()
 
@@ -251,7 +249,6 @@ class Rerun:
             self._stopping = asyncio.get_running_loop().create_task(feed.stop(), name="rerun feed stops")
 
     async def close(self) -> None:
-        """End all streams."""
         stops = [feed.stop() for feed in self.feeds.values()]
         if self._remote is not None:
             stops.append(self._remote.process.close())
@@ -260,7 +257,6 @@ class Rerun:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     service = Rerun(services.telemetry, services.config.of(RerunSettings).rerun_connect)
     yield ServicePart("Rerun", service, service.close, service.start)
 

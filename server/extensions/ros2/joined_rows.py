@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.exporters.topics import stamps
-from imuscope.server.extensions.ros2.axes import Floats
 from imuscope.server.extensions.ros2.quantities import Place
 from imuscope.server.wire.codec import SampleFrame
 

@@ -13,9 +13,10 @@ Source: common_interfaces (Jazzy); REP 103, REP 105: the pose is in header.frame
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import to_body
 from imuscope.recordings.exporters.enu import Origin, enu_of, enu_turns, is_place
-from imuscope.server.extensions.ros2.axes import Floats, world_vectors
+from imuscope.server.extensions.ros2.axes import world_vectors
 from imuscope.server.extensions.ros2.covariances import NOT_KNOWN_HEADING, SensorNoise
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin
 from imuscope.server.extensions.ros2.message_builder import (
@@ -111,11 +112,11 @@ def odometry(of: DeviceQuantities, frames: FrameNames, noise: SensorNoise) -> Me
 
 
 def _builder(
-    type: str, driver: Place, others: dict[str, Place | None], columns: object, texts: object, keep: object
+    type_name: str, driver: Place, others: dict[str, Place | None], columns: object, texts: object, keep: object
 ) -> MessageBuilder:
     there = {name: place for name, place in others.items() if place}
     channels = {driver.channel, *(place.channel for place in there.values())}
-    return MessageBuilder(type, RowJoin(driver, there), channels, columns, texts, keep=keep)  # type: ignore[arg-type]
+    return MessageBuilder(type_name, RowJoin(driver, there), channels, columns, texts, keep=keep)  # type: ignore[arg-type]
 
 
 def _enu(vectors: Floats, frame: str, places: Floats | None) -> Floats:

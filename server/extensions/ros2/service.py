@@ -157,7 +157,6 @@ class Ros2:
         return self._own.ros2
 
     def start(self) -> None:
-        """Start in the background, if configured."""
         if self.is_enabled:
             self._unsubscribe = [self._bus.devices.subscribe(self._on_device)]
             self.process.start()
@@ -215,8 +214,9 @@ class Ros2:
 
     def _on_device(self, info: wire.DeviceInfo) -> None:
         """Announce a device when it is known, in earlier runs too, or has had the time to be."""
-        self._came = {id: since for id, since in self._came.items() if id in self._bus.devices.latest}
-        self._frames = {id: frame for id, frame in self._frames.items() if id in self._bus.devices.latest}
+        latest = self._bus.devices.latest
+        self._came = {key: since for key, since in self._came.items() if key in latest}
+        self._frames = {key: frame for key, frame in self._frames.items() if key in latest}
         if self.process.pid is None:
             return
         now = time.monotonic()
@@ -312,7 +312,6 @@ class Ros2:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     services.sessions.names.give_topics(services.config.of(Ros2Settings).ros2_names)
     service = Ros2(services.telemetry, services.config, sensors_of, services.sessions.names)
     yield ServicePart("ROS 2", service, service.close, service.start)

@@ -24,9 +24,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MAX_GRID = 1 << 17  # points of a grid; an hour has a step of 27 ms then
 MIN_POINTS = 32  # of the overlap

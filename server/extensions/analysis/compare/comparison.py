@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import angle_of, conjugate, mean_rotation, product, slerp
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 NAN = float("nan")
 OUTSIDE_PERCENT = 2.5  # per cent of the differences beyond each limit

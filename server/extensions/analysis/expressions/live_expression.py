@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.expression_functions import (
     FUNCTIONS,
@@ -52,7 +53,7 @@ from imuscope.server.extensions.analysis.expressions.live_streams import (
     Unwrapped,
 )
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, number
-from imuscope.server.extensions.analysis.signals.signals import Floats, SignalColumn, grouped, meant
+from imuscope.server.extensions.analysis.signals.signals import SignalColumn, grouped, meant
 from imuscope.server.extensions.analysis.signals.units import Unit
 from imuscope.server.wire import ChannelInfo
 
@@ -126,7 +127,6 @@ class LiveExpression:
 
     @property
     def unit(self) -> str:
-        """Unit of its samples."""
         return str(self.probe.unit)
 
     def feed(self, rows: Mapping[int, Sequence[NDArray[Any]]]) -> Piece:

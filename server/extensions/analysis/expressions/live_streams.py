@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, at_times
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
 GAP_STEPS = 1.5  # usual steps; a longer one ends a run (quantities.py)
 WAIT_S = 2.0  # a signal that lags behind the others by more counts as interrupted

@@ -129,7 +129,6 @@ def _processors() -> int:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     telemetry = services.telemetry
     settings = services.config.of(AnalysisSettings)
     limits = AnalysisLimits(settings.analysis_mb, settings.analysis_s)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise import noise_model
 from imuscope.server.extensions.analysis.noise.allan_deviation import allan_curve, averaging_lengths, intervals
@@ -29,7 +30,7 @@ from imuscope.server.extensions.analysis.noise.registry import (
 from imuscope.server.extensions.analysis.noise.thermal_drift import ThermalDrift, thermal_drift
 from imuscope.server.extensions.analysis.signals.rest import rest_of
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MIN_SAMPLES = 9
 MOTION = ("exclude", "include")

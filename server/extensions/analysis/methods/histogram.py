@@ -7,6 +7,7 @@ An angle that wraps is turned by whole turns to lie within half a turn of its me
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.statistics import statistics_of
 from imuscope.server.extensions.analysis.noise.registry import (
     Analysis,
@@ -15,7 +16,7 @@ from imuscope.server.extensions.analysis.noise.registry import (
     Settings,
     register_analysis,
 )
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MOST_BINS = 2000
 MAX_RANGE = 1e15

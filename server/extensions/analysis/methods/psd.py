@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.noise.peaks import peaks_of
 from imuscope.server.extensions.analysis.noise.registry import Analysis, Result, Settings, register_analysis
 from imuscope.server.extensions.analysis.noise.welch import MIN_LENGTH, OPTIONS, SCALES, mean_spectrum, segments_for
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 TAIL_PROBABILITY = 0.025  # probability beyond each end of the interval
 

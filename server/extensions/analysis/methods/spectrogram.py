@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.noise.registry import (
     Analysis,
     AnalysisOption,
@@ -18,7 +19,7 @@ from imuscope.server.extensions.analysis.noise.registry import (
 )
 from imuscope.server.extensions.analysis.noise.welch import MIN_LENGTH, OPTIONS, SCALES, Segments, segments_for
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MAX_CELLS = 1_000_000  # of the result, which is 20 MB as text
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 
 BLOCK_SAMPLES = 1 << 16  # fit into the cache, and threads rarely wait for the interpreter between steps
 TAIL_PROBABILITY = 0.025  # probability beyond each end of the interval

@@ -10,10 +10,11 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Literal
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve, intervals
 from imuscope.server.extensions.analysis.noise.noise_model import FLAT, TAIL_PROBABILITY, NoiseModel
-from imuscope.server.extensions.analysis.signals.signals import DataSheetNoise, Floats
+from imuscope.server.extensions.analysis.signals.signals import DataSheetNoise
 from imuscope.server.extensions.analysis.signals.units import G, Unit
 from imuscope.server.wire import ChannelInfo
 

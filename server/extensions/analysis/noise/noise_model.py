@@ -20,6 +20,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.noise.allan_deviation import (
     FLICKER,
     WALK,
@@ -28,7 +29,6 @@ from imuscope.server.extensions.analysis.noise.allan_deviation import (
     AllanCurve,
     intervals,
 )
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
 FIT_ITERATIONS = 6  # of the fit, each with the weights and types of noise of the last
 NORMAL_QUANTILE = 1.96

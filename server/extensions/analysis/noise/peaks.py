@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.noise.welch import Segments
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
 MAX_PEAKS = 16
 FALSE_ALARM = 1e-8  # of the limit; in simulations about 0.3 % of the spectra of white noise show a peak

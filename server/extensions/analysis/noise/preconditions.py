@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve
 from imuscope.server.extensions.analysis.noise.disturbances import (
@@ -30,7 +31,7 @@ from imuscope.server.extensions.analysis.noise.sample_quality import sample_faul
 from imuscope.server.extensions.analysis.signals.companions import Companions
 from imuscope.server.extensions.analysis.signals.rest import Rest
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from imuscope.server.extensions.analysis.signals.units import G, Unit
 
 LEAST_S = 20.0  # at rest, for any parameter

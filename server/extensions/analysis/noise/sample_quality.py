@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
 MAX_RESOLUTION_SAMPLES = 100_000  # samples that determine the resolution
 STUCK_S = 0.5

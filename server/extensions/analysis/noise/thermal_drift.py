@@ -17,7 +17,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 
 MEAN_BLOCKS = 60
 MIN_BLOCKS = 12

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.registry import AnalysisOption, choice
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
 WINDOWS = ("hann", "hamming", "blackmanharris", "flattop", "boxcar")
 DETRENDING = ("constant", "linear", "none")

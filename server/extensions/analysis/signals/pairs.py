@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.protocols.arrays import Floats
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 Pairing = Literal["interpolated", "nearest"]
 GAP_STEPS = 2.5  # a step longer than this many usual ones is a gap, as in the plots

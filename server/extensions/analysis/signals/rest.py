@@ -15,8 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from imuscope.server.extensions.analysis.signals.stillness import (
     FORCE_CHANGE,
     FORCE_SPREAD,

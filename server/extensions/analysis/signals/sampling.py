@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 GAP_STEPS = 1.5  # a step longer than this many usual ones …
 GAP_SIGMAS = 6.0  # … and by this many standard deviations of the usual ones: jitter makes no gaps

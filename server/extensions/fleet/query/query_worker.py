@@ -59,7 +59,7 @@ def query_words(store: StoreLocation) -> dict[str, Any]:
         dataset = open_table(store, table.name)
         schema = pa.schema(dataset.schema().to_arrow()) if dataset is not None else table.schema
         if table is SAMPLES:
-            long = [{"name": name, "type": type, "doc": doc} for name, type, doc in LONG]
+            long = [{"name": name, "type": type_name, "doc": doc} for name, type_name, doc in LONG]
             doc = "samples of all signals; samples('Acceleration.x') has those of one"
             tables.append({"name": "samples", "doc": doc, "columns": long})
             signals = [{"name": name, "unit": unit} for name, unit in map(_signal, schema) if name]
@@ -183,7 +183,7 @@ def _exact(value: Any) -> Any:
     return {name: _exact(one) for name, one in value.items()} if isinstance(value, dict) else value
 
 
-def kind_of(type: pa.DataType) -> str:
+def kind_of(column_type: pa.DataType) -> str:
     """Kind of a column, as a table or a plot treats it."""
     tests: tuple[tuple[str, Callable[[pa.DataType], bool]], ...] = (
         ("boolean", pa.types.is_boolean),
@@ -195,7 +195,7 @@ def kind_of(type: pa.DataType) -> str:
         ("text", pa.types.is_string),
         ("text", pa.types.is_large_string),
     )
-    return next((kind for kind, is_one in tests if is_one(type)), "other")
+    return next((kind for kind, is_one in tests if is_one(column_type)), "other")
 
 
 def _write_parquet(reader: pa.RecordBatchReader, out: BinaryIO) -> None:

@@ -37,8 +37,7 @@ from imuscope.server.extensions.fleet.model.reports import (
     RobotStatus,
 )
 from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.status_summary import summary_of
-from imuscope.server.extensions.fleet.model.summaries import RobotSummary, with_hysteresis
+from imuscope.server.extensions.fleet.model.summaries import RobotSummary, summary_of, with_hysteresis
 from imuscope.server.extensions.fleet.robot.robot_settings import allowed_pages, credentials_of, robot_name
 from imuscope.server.extensions.fleet.store.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_robot import PageServer
@@ -128,7 +127,6 @@ class FleetPublisher:
         self._task = loop.create_task(self._report_each_second(), name="fleet")
 
     async def close(self) -> None:
-        """Leave."""
         self._closed.set()
         await self.pages.close()
         if self._unsubscribe is not None:

@@ -21,7 +21,7 @@ from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import read_regular
 from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet.model.operator_name import operator_name
+from imuscope.server.extensions.fleet.model.operators import operator_name
 from imuscope.server.extensions.fleet.model.reports import RobotDevice
 from imuscope.server.extensions.fleet.model.robots import Robots
 from imuscope.server.extensions.fleet.model.rollout_models import (

@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import ColumnStore
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 WINDOW_SAMPLES = 1 << 17  # samples of a channel at once

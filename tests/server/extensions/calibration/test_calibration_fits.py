@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from scipy import optimize
 
 from imuscope.protocols import rotations
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import GYRO_BIAS, HARD_IRON, MOTIONS, SOFT_IRON, SensorSetup
 from imuscope.server.extensions.analysis.signals.stillness import step_means, stillness
-from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Floats, Samples
+from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples
 from imuscope.server.extensions.calibration.directions import (
     CELLS,
     CELLS_PER_RING,

@@ -44,12 +44,12 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
         "3": IdtpSimulator(start_ns=0),
     }
     writer = McapWriter(folder / "a.mcap", {"title": "Three on a drive"})
-    for id, protocol in zip(devices, ("xbus", "isb", "idtp"), strict=True):
-        writer.device(id, {"source": f"sim:{protocol}", "link": "simulator", "protocol": protocol})
+    for device_id, protocol in zip(devices, ("xbus", "isb", "idtp"), strict=True):
+        writer.device(device_id, {"source": f"sim:{protocol}", "link": "simulator", "protocol": protocol})
     for n in range(1, 600):
-        for id, device in devices.items():
+        for device_id, device in devices.items():
             if data := device.advance(n * 10_000_000):
-                writer.chunk(id, "rx", data, START + n * 10_000_000)
+                writer.chunk(device_id, "rx", data, START + n * 10_000_000)
     writer.write_note("marker", "bump", START + 2_000_000_000)
     writer.close()
     return decode(McapSource(folder / "a.mcap"), folder / "store", protocol_set.all_protocols())

@@ -18,7 +18,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.model.access import RouterSettings
 from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
 from imuscope.server.extensions.fleet.model.reports import RobotStatus
-from imuscope.server.extensions.fleet.model.status_summary import summary_of
+from imuscope.server.extensions.fleet.model.summaries import summary_of
 from imuscope.server.extensions.fleet.tunnel import http_tunnel_robot, http_tunnel_server
 from imuscope.server.extensions.fleet.tunnel.flow_control import MAX_WINDOW_BYTES, MIN_WINDOW_BYTES, Window
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import (
