@@ -29,7 +29,7 @@ from imuscope.server.services.extension import FileOutput, file_outputs
 from imuscope.server.text.printable import printable
 
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
-_CELLS = 30
+_PROGRESS_CELLS = 30
 _EVERY_S = 0.1
 MOST_DAMAGE = 5  # sentences
 MOST_SENTENCES = 12  # on the clock of a file
@@ -49,13 +49,13 @@ class Bar:
         if self._shows and time.monotonic() >= self._next:
             self._next = time.monotonic() + _EVERY_S
             self._drawn = True
-            full = round(share * _CELLS)
-            self._out.write(f"\r{'█' * full}{'·' * (_CELLS - full)} {share:4.0%}")
+            full = round(share * _PROGRESS_CELLS)
+            self._out.write(f"\r{'█' * full}{'·' * (_PROGRESS_CELLS - full)} {share:4.0%}")
             self._out.flush()
 
     def clear(self) -> None:
         if self._drawn:
-            self._out.write(f"\r{' ' * (_CELLS + 6)}\r")
+            self._out.write(f"\r{' ' * (_PROGRESS_CELLS + 6)}\r")
             self._out.flush()
 
 

@@ -40,7 +40,7 @@ from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 from imuscope.server.text.printable import json_text
 
-CHUNK = 1 << 20
+CHUNK_BYTES = 1 << 20
 NO_DEVICES = "is not a recording, so it has no devices to choose from; leave --device out"
 
 InspectLine = Mapping[str, Any]
@@ -261,7 +261,7 @@ def _guessed(head: bytes, name: str) -> str:
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:
-    while chunk := file.read(CHUNK):
+    while chunk := file.read(CHUNK_BYTES):
         yield chunk
 
 

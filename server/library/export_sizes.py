@@ -26,8 +26,8 @@ from imuscope.server.library.export_worker import one_file, request_of
 from imuscope.server.system.worker_process import begin
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)
-WHOLE = 12_000  # rows of channels up to which everything is written
-SAMPLE = 6_000  # rows of channels in the first sample
+MAX_WHOLE_ROWS = 12_000  # rows of channels up to which everything is written
+SAMPLE_ROWS = 6_000  # rows of channels in the first sample
 
 
 def sizes(request: ExportRequest, folder: Path) -> dict[str, int]:
@@ -40,7 +40,7 @@ def sizes(request: ExportRequest, folder: Path) -> dict[str, int]:
     total = _rows(request)
     if total == 0:
         return {}
-    samples = [request] if total <= WHOLE else _samples(request, total)
+    samples = [request] if total <= MAX_WHOLE_ROWS else _samples(request, total)
     counts = [_rows(one) for one in samples]
     by_format: dict[str, int] = {}
     for export_format in SAMPLED:
@@ -71,7 +71,7 @@ def _samples(request: ExportRequest, total: int) -> list[ExportRequest]:
     """Two time ranges around the middle, the second twice as long as the first."""
     first, last = request.columns.span(base=request.base) or (0.0, 0.0)
     first, last = max(first, request.t0), min(last, request.t1)
-    middle, half = (first + last) / 2, (last - first) / 2 * SAMPLE / total
+    middle, half = (first + last) / 2, (last - first) / 2 * SAMPLE_ROWS / total
     return [replace(request, t0=middle - half * times, t1=middle + half * times) for times in (1, 2)]
 
 

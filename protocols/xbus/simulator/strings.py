@@ -20,13 +20,13 @@ from functools import cached_property
 import numpy as np
 
 from imuscope.protocols import rotations
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.embedded.nmea import checksum
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
 from imuscope.protocols.xbus.enums import STRING_TYPES
 from imuscope.protocols.xbus.simulator.measurement import BLOCK_NS
-from imuscope.protocols.xbus.simulator.signals import Floats, ItemValues, XbusSignalSource
+from imuscope.protocols.xbus.simulator.signals import ItemValues, XbusSignalSource
 
 _KNOTS = 1 / 0.514444
 _COURSE_FROM = 0.2  # m/s: below it no true course is sent

@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.tables.dates import DAY
 
-Floats = NDArray[np.float64]
 StepKind = Literal["back", "ahead", "wrap"]
 
 APART = 2.0  # of the length that is a gap: the unknown time between two segments is drawn, and found, as one

@@ -23,7 +23,7 @@ from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, 
 from imuscope.server.library.axis_words import RECORDING_WORDS
 
 HEADINGS = ("", "clock", "unit", "zero", "rate", "resolution", "drift", "jitter", "steps", "repeats", "bursts")
-SHOWN = 0.005  # of a share, in whole percents
+MIN_SHOWN_SHARE = 0.005  # of a share, in whole percents
 NOTHING_S = 1e-9  # below the resolution of a time since 1970
 WORDS = {
     "back": "goes back by {} at sample {} ({})",
@@ -96,5 +96,5 @@ def _cells(clock: FileClock) -> Sequence[str]:
         "" if clock.jitter_s is None else _short(clock.jitter_s),
         str(clock.steps_in_all),
         str(clock.repeats),
-        f"{100 * clock.bursts:.0f} %" + (f" of {clock.burst_samples:.3g}" if clock.bursts >= SHOWN else ""),
+        f"{100 * clock.bursts:.0f} %" + (f" of {clock.burst_samples:.3g}" if clock.bursts >= MIN_SHOWN_SHARE else ""),
     )

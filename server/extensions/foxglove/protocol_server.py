@@ -34,7 +34,7 @@ from imuscope.server.concurrency.tasks import end_tasks
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 DATA = struct.Struct("<BIQ")
-BACKLOG = 4096  # messages queued for one viewer: two seconds at 2 kHz
+MAX_BACKLOG = 4096  # messages queued for one viewer: two seconds at 2 kHz
 MAX_UP = 64 * 1024  # a subscribe to all of a few thousand channels
 MAX_SUBSCRIPTIONS = 10_000  # of one viewer
 MAX_VIEWERS = 32
@@ -48,7 +48,7 @@ class FoxgloveClient:
     """WebSocket connection of a Foxglove client, with its subscriptions."""
 
     words: deque[str] = field(default_factory=deque)  # never dropped
-    data: deque[bytes] = field(default_factory=lambda: deque(maxlen=BACKLOG))
+    data: deque[bytes] = field(default_factory=lambda: deque(maxlen=MAX_BACKLOG))
     channels: dict[int, int] = field(default_factory=dict)  # by subscription
     wake_event: asyncio.Event = field(default_factory=asyncio.Event)
 

@@ -31,7 +31,7 @@ from imuscope.server.api.static_files import HEADERS
 from imuscope.server.concurrency.tasks import until_one_ends
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.assets import NAMES, folder_of, viewer_files
-from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
+from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, MAX_WHOLE_ROWS, limit_of
 from imuscope.server.extensions.rerun.service import Rerun, RerunFeed, RerunViewer, recording_stream
 
 router = lazy_router()
@@ -145,7 +145,7 @@ async def get_amount(
     limit = await asyncio.to_thread(limit_of, store, begin, end, as_much=as_much)
     first, last = store.span() or (0.0, 0.0)
     span = max(0.0, min(end, last) - max(begin, first))
-    whole_s = span * min(1.0, WHOLE / max(1, limit.rows))
+    whole_s = span * min(1.0, MAX_WHOLE_ROWS / max(1, limit.rows))
     return ViewerQuery(rows=limit.rows, shown=limit.shown, most=limit.most, every=limit.every, whole_s=whole_s)
 
 

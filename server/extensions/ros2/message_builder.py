@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import quaternions
-from imuscope.server.extensions.ros2.axes import Floats, body_vectors, enu_from_flu
+from imuscope.server.extensions.ros2.axes import body_vectors, enu_from_flu
 from imuscope.server.extensions.ros2.cdr_rows import RowEncoder, stamp_columns
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin
 from imuscope.server.extensions.ros2.quantities import DeviceQuantities, Place

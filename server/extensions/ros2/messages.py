@@ -25,10 +25,11 @@ from dataclasses import asdict
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import quaternions
 from imuscope.recordings.exporters.enu import is_place
-from imuscope.server.extensions.ros2.axes import Floats, body_vectors, world_vectors
+from imuscope.server.extensions.ros2.axes import body_vectors, world_vectors
 from imuscope.server.extensions.ros2.cdr_rows import stamp_columns
 from imuscope.server.extensions.ros2.covariances import NOT_KNOWN_HEADING, SensorNoise
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin, Times

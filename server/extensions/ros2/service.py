@@ -86,7 +86,7 @@ class TopicSwitches:
 
 
 MODULE = "imuscope.server.extensions.ros2.worker"
-PER_S = 80.0  # how often samples are passed on: a message is at most 12 ms late
+PASSES_PER_S = 80.0  # how often samples are passed on: a message is at most 12 ms late
 AGAIN_S, LONGEST_S = 1.0, 60.0
 NAME_S = 3.0  # for a device to be identified before it is announced, if it never was
 STEADY_S = 120.0  # after running this long, the next crash counts as the first
@@ -136,7 +136,9 @@ class Ros2:
         terms = read_contract(self._own.ros2_contract) if self._own.ros2 and self._own.ros2_contract else []
         self._contract = Contract(terms, time.monotonic())
         self.process = KeptProcess(
-            lambda crashed: ViewerProcess(telemetry.clients, MODULE, self._on_report, crashed, PER_S, draws=False),
+            lambda crashed: ViewerProcess(
+                telemetry.clients, MODULE, self._on_report, crashed, PASSES_PER_S, draws=False
+            ),
             self._serve,
             self._crashed,
             Backoff(AGAIN_S, LONGEST_S),

@@ -10,7 +10,7 @@ from imuscope.server.commands.file_arguments import add_file, add_range, add_tab
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 
-_COLUMN = 34
+_NAME_CHARS = 34
 
 
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -66,14 +66,14 @@ def analysis_list() -> str:
 
     lines = ["analyses, with their options for --option:"]
     for one in analyses():
-        lines.append(f"  {one.name:<{_COLUMN - 2}}{one.words}")
+        lines.append(f"  {one.name:<{_NAME_CHARS - 2}}{one.words}")
         for option in one.options:
             if option.choices:
                 form, limits = f"{option.name}={option.choices[int(option.default)]}", ", ".join(option.choices)
             else:
                 form = f"{option.name}={option.default:g}"
                 limits = f"{option.low:.12g} to {option.high:.12g} {option.unit}".strip()
-            lines.append(f"    {form:<{_COLUMN - 4}}{option.doc} {limits}.")
+            lines.append(f"    {form:<{_NAME_CHARS - 4}}{option.doc} {limits}.")
         lines += [f"    --format {name}" for name in one.formats]
     return "\n".join(lines) + "\n"
 

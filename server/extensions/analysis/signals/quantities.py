@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 
 

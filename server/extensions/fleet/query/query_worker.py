@@ -101,7 +101,7 @@ def _functions() -> list[dict[str, str]]:
 MAX_JSON = 64 << 20
 """Bytes of rows as JSON: a page holds them in memory."""
 OWN_MB = 3072  # of memory besides DuckDB's limit: libraries, an answer, stacks of threads
-LARGE = 1 << 53  # JavaScript's integers end here; beyond, they are text
+MAX_JSON_INTEGER = 1 << 53  # JavaScript's integers end here; beyond, they are text
 
 
 def main() -> int:
@@ -176,7 +176,7 @@ def _json(reader: pa.RecordBatchReader, most: int, began: float) -> bytes:
 
 
 def _exact(value: Any) -> Any:
-    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > LARGE:
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > MAX_JSON_INTEGER:
         return str(value)
     if isinstance(value, list):
         return [_exact(one) for one in value]
