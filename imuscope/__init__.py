@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from imuscope.live import Batch, LiveSignal, Server, connect
-    from imuscope.recording import Device, Event, ImuscopeError, Recording, Signal, open
+    from imuscope.recording import Device, Event, ImuscopeError, Recording, Signal, open  # noqa: A004
 
 __all__ = [
     "Batch",

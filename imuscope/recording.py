@@ -36,14 +36,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
+
 if TYPE_CHECKING:
     import pandas
     import polars
     import pyarrow
 
     from imuscope.recordings.columns.store import ColumnStore
-
-Floats = NDArray[np.float64]
 
 
 class ImuscopeError(Exception):
@@ -372,7 +372,7 @@ class Recording:
         self._finalizer()
 
 
-def open(
+def open(  # noqa: A001 (as gzip.open: read with its module)
     path: str | Path,
     *,
     protocol: str = "",

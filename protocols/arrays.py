@@ -10,3 +10,4 @@ INT64, UINT8 = np.dtype(np.int64), np.dtype(np.uint8)  # a dtype is found sooner
 Array = NDArray[Any]
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
+Floats = NDArray[np.float64]

@@ -21,11 +21,9 @@ from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 
-Floats = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
 Part = TypeVar("Part", float, Floats)

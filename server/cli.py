@@ -138,9 +138,9 @@ def _inspect(options: argparse.Namespace) -> None:
     from imuscope.server.commands.inspect import inspect_file
 
     decode_options = decode_options_of(options, "auto")
-    how = {name: getattr(options, name) for name in ("direction", "format", "rejects", "device")}
+    how = {name: getattr(options, name) for name in ("direction", "rejects", "device")}
     try:
-        inspect_file(path, sys.stdout, decode_options, notes=sys.stderr, **how)
+        inspect_file(path, sys.stdout, decode_options, notes=sys.stderr, text_format=options.format, **how)
     except OSError as error:
         if isinstance(error, BrokenPipeError) or error.errno in UNWRITABLE:
             raise

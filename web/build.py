@@ -121,8 +121,8 @@ def kernel_sources() -> Iterator[Path]:
     """The files that machine code is made from: all that have kernels, and what they may take constants from."""
     package = ROOT / "imuscope"
     yield from (package / "protocols").rglob("*.py")
-    yield from (package / "recordings").rglob("*_kernel*.py")
-    yield from (package / "server").glob("*_kernel.py")
+    yield from (package / "recordings").rglob("*kernel*.py")
+    yield from (package / "server").rglob("*kernel*.py")
 
 
 def native_is_fresh() -> bool:

@@ -104,7 +104,6 @@ class Frames:
         return cls(empty, empty, empty, np.empty((0, FRAME_BYTES), np.uint8))
 
     def some(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Frames:
-        """Some of them."""
         return Frames(self.ranks[which], self.arrivals[which], self.offsets[which], self.data[which])
 
     def after(self, before: Frames) -> Frames:
@@ -158,7 +157,6 @@ class CanDecoder(StreamDecoder[StreamParser]):
         return list(self._definition.remarks)
 
     def count_of(self, device: str = "") -> Count | None:
-        """See events.Counts."""
         counter = self._counter
         if device or counter.first is None or counter.last is None:
             return None

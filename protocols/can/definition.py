@@ -36,7 +36,6 @@ class CanDefinition:
     remarks: tuple[str, ...] = ()
 
     def line(self) -> bytes:
-        """The line of the stream."""
         identifiers = {identifier_text(number): row.name for number, row in self.rows.items()}
         body = {"kind": self.kind, "identifiers": identifiers, "tick_ns": self.tick_ns, "remarks": self.remarks}
         return MARK + json.dumps(body).encode() + b"\n"

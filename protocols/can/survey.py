@@ -44,7 +44,6 @@ class CanIdentifier:
 
     @property
     def frames(self) -> int:
-        """Number of its frames."""
         return sum(self.of_length.values())
 
     def fits(self, row: CanRow) -> bool:

@@ -14,11 +14,9 @@ Two captures of one device can thus be overlaid; two devices in one capture have
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
-
-Floats = NDArray[np.float64]
 
 ASTRAY_NS = 500_000_000  # at a step: rows this far from the time by the offset get a new one
 

@@ -28,15 +28,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clocks.clock_model import ClockModel
 from imuscope.protocols.clocks.delay_stats import FEWEST, DelaySpread, DelayStatistics
 from imuscope.protocols.clocks.kernels import decreases, delays_of
-
-Floats = NDArray[np.float64]
 
 LATE_NS = 10e9
 CONFIRM_ROWS = 3

@@ -7,11 +7,9 @@ that a page has drawn never decrease. The decoder has left out stamps of another
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
-
-Floats = NDArray[np.float64]
 
 MOST_SOURCES = 1024
 

@@ -4,13 +4,8 @@ A live drain has some dozen rows, for which numpy needs a microsecond and more p
 of them.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
-from imuscope.protocols.arrays import Ints
+from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.native.kernels import FLAG, FLOAT, FLOATS, INT, INTS, NOTHING, TRIPLE, compiled, inlined
-
-Floats = NDArray[np.float64]
 
 
 @inlined

@@ -3,12 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.commands.transactions import Values
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,7 +92,6 @@ class StreamParser:
         self._known = 0  # bytes of accepted frames and of texts
 
     def feed(self, data: bytes, arrival_ns: int) -> None:
-        """Append a chunk."""
         self._buffer.append(data, arrival_ns)
 
     def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
@@ -236,18 +235,14 @@ class StreamDecoder(Decoder, Generic[S]):
 
     @property
     def buffered(self) -> int:
-        """Bytes held back because their frame is incomplete."""
         return self._stream.buffered
 
     @property
     def skipped(self) -> int:
-        """Bytes so far that belong to no frame and no text."""
         return self._stream.skipped
 
     def feed(self, data: bytes, arrival_ns: int) -> None:
-        """Append a chunk."""
         self._stream.feed(data, arrival_ns)
 
     def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
-        """Append many chunks; see events.Decoder."""
         self._stream.feed_chunks(data, ends, arrival_ns)

@@ -181,12 +181,10 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         self._stream.sequences.rearm(int(device) if device else None)
 
     def state(self) -> Mapping[int, int]:
-        """See events.Remembers."""
         sources = (source_of(source) for source in self._clocks)
         return self._stream.sequences.state(device for device, unverified in sources if not unverified)
 
     def restore(self, numbers: Mapping[int, int]) -> None:
-        """See events.Remembers."""
         self._stream.sequences.restore(numbers)
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
@@ -215,7 +213,6 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             self._firsts[source] = int.from_bytes(bytes(cut.data[at : at + 4]), "little")
 
     def count_of(self, device: str = "") -> Count | None:
-        """See events.Counts."""
         verified = {str(source_of(source)[0]): source for source in self._firsts if not source_of(source)[1]}
         if device not in verified:
             return None

@@ -93,11 +93,9 @@ class IdtpFrameLister:
         self._stream.feed(data, 0)
 
     def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
-        """Append many chunks; see events.Decoder."""
         self._stream.feed_chunks(data, ends, arrival_ns)
 
     def drain(self, *, stalled: bool = False) -> list[FrameLine]:
-        """Lines of everything complete; see events.Decoder.drain."""
         cuts = self._stream.drain(stalled=stalled)
         return [line for cut in cuts for line in frame_lines(cut, lambda _, frame: self._values(frame))]
 

@@ -99,7 +99,6 @@ def status_of(name: str) -> Field:
 
 
 def status_name(name: str) -> str:
-    """Name of the STATUS of a message."""
     return f"{name}Status"
 
 

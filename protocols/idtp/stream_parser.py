@@ -79,14 +79,12 @@ class IdtpStream:
         self._waiting: list[tuple[bytes, int]] = []
 
     def feed(self, data: bytes, arrival_ns: int) -> None:
-        """Append a chunk."""
         if self._datagrams:
             self._waiting.append((bytes(data), arrival_ns))
         else:
             self._stream.feed(data, arrival_ns)
 
     def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
-        """Append many chunks; see events.Decoder."""
         if not self._datagrams:
             self._stream.feed_chunks(data, ends, arrival_ns)
             return
@@ -97,7 +95,6 @@ class IdtpStream:
 
     @property
     def buffered(self) -> int:
-        """Bytes that are not decided yet."""
         return self._stream.buffered + sum(len(data) for data, _ in self._waiting)
 
     @property

@@ -71,7 +71,6 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
 
 
 def load(settings: Mapping[str, Values]) -> LinkLoad:
-    """See imuscope.protocols.commands.transactions.DeviceDriver.load."""
     sources, now = sources_of(settings), in_effect(settings)
     parts: list[OutputLoad] = []
     limits: list[str] = []

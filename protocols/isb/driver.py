@@ -25,8 +25,6 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from imuscope.protocols.commands.transactions import (
-    BaudChange,
-    ByteRange,
     DeviceContext,
     DeviceDriver,
     DeviceRejectedError,
@@ -204,12 +202,8 @@ class IsbDriver(DeviceDriver):
             return streams_frames(values, old)
         return set_frames(did_of(setting), values, version_of(known), held=held)
 
-    def annotate(self, frame: bytes) -> list[ByteRange]:
-        return annotated.annotate(frame)
-
-    def name_of(self, frame: bytes) -> str:
-        return annotated.name_of(frame)
-
+    annotate = staticmethod(annotated.annotate)
+    name_of = staticmethod(annotated.name_of)
     # -- transactions --------------------------------------------------------------------------------------------------
 
     def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
@@ -357,8 +351,7 @@ class IsbDriver(DeviceDriver):
                 return replace(known, at_rest=False, **details)
         raise NoReplyError("GET DID_DEV_INFO", ATTEMPTS, ANSWER_S)
 
-    def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
-        return line_change(setting, old, new, known)
+    line_change = staticmethod(line_change)
 
     def instead(
         self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
@@ -420,8 +413,7 @@ class IsbDriver(DeviceDriver):
     def fit_rates(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return budget.fit(settings, capacity)
 
-    def same(self, setting: str, a: Values, b: Values) -> list[str]:
-        return differences(setting, a, b)
+    same = staticmethod(differences)
 
 
 def _is_gpx(known: DeviceContext) -> bool:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.arrays import Ints
+from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.clocks.dates import UNKNOWN
 from imuscope.protocols.commands.composer import ProtocolComposer
-from imuscope.protocols.commands.mounting import Floats, MountingSetting
+from imuscope.protocols.commands.mounting import MountingSetting
 from imuscope.protocols.commands.rate_tables import RateRow, RateTable
 from imuscope.protocols.commands.transactions import DeviceContext, Values
 from imuscope.protocols.events import Batch

@@ -30,7 +30,6 @@ _OLD_SCORE = 0.25
 
 
 def detection_score(data: bytes) -> tuple[float, str]:
-    """(score 0..1, words)."""
     if not data:
         return 0.0, "no bytes"
     stream = StreamParser(scan, find, STARTS)
@@ -77,11 +76,9 @@ class IsbFrameLister:
         self._versions: dict[int, str] = {}  # by family of devices
 
     def feed(self, data: bytes) -> None:
-        """Append a chunk."""
         self._stream.feed(data, 0)
 
     def drain(self, *, stalled: bool = False) -> list[FrameLine]:
-        """Lines of everything complete; see events.Decoder.drain."""
         cut = self._stream.drain(stalled=stalled)
 
         def values(k: int, frame: bytes) -> FrameLine:

@@ -239,7 +239,6 @@ class MessageDecoder:
     # -- input ---------------------------------------------------------------------------------------------------------
 
     def feed(self, data: bytes, arrival_ns: int) -> None:
-        """Append a chunk."""
         self._buffer.append(data, arrival_ns)
 
     def feed_chunks(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
@@ -253,7 +252,6 @@ class MessageDecoder:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences about the stream for the user."""
         texts = [words for topic in self._topics.values() if (words := _remark(topic))]
         return list(dict.fromkeys(texts))[:MOST_REMARKS]
 

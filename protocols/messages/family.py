@@ -31,11 +31,9 @@ class MessageLister:
         self._held = b""
 
     def feed(self, data: bytes) -> None:
-        """Append a chunk."""
         self._held += data
 
     def drain(self, *, stalled: bool = False) -> list[FrameLine]:
-        """Lines of everything complete; see events.Decoder.drain."""
         lines: list[FrameLine] = []
         data, at = self._held, 0
         while len(data) - at >= HEAD.size:

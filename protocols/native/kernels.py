@@ -59,8 +59,6 @@ class ArrayType:
 
 @dataclass(frozen=True)
 class TupleType:
-    """A tuple."""
-
     kinds: tuple[Kind, ...]
 
 

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols import rotations
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.family import SimulatorOption
-from imuscope.protocols.simulator.trajectory import Floats, MotionState
+from imuscope.protocols.simulator.trajectory import MotionState
 
 HARD_IRON = np.array([2.0, -3.0, 1.0]) / np.sqrt(14.0)
 SOFT_IRON = np.array([[1.0, 0.4, -0.2], [0.4, -0.8, 0.3], [-0.2, 0.3, -0.2]])

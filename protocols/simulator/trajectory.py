@@ -31,12 +31,9 @@ the simulators.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.rotations import of_euler, side_by_side, to_body
-
-Floats = NDArray[np.float64]
 
 # -- the place: 45° N on the zero meridian, halfway between equator and pole -------------------------------------------
 

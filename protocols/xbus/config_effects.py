@@ -25,7 +25,6 @@ _DISABLE_AUTO_MEASUREMENT = 1 << 1
 
 
 def line_change(setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
-    """Effect of this write on the link."""
     if old is not None and not differing(setting, old, new):
         return None
     if setting == "Baudrate":
@@ -96,7 +95,6 @@ def _one_port(place: int, old: list[int], new: list[int], known: DeviceContext) 
 
 
 def rates(values: Mapping[str, Values], known: DeviceContext) -> tuple[int, ...]:
-    """See imuscope.protocols.commands.transactions.DeviceDriver.rates."""
     codes = [int(values["Baudrate"]["baudrate_code"])] if "Baudrate" in values else []
     codes += [int(word) & 0xFF for word in values.get("PortConfig", {}).get("words", ())[:2]]
     candidates = (known.baud, *(BAUD_RATES.get(code) for code in codes), _FACTORY_BAUD)

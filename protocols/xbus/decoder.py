@@ -189,7 +189,6 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         self._legacy = 0  # frames of the former generation's output
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
-        """Return every complete event by offset; a batch is placed at its first frame."""
         cut = self._stream.drain(stalled=stalled)
         events: list[Event] = [*cut.rejects, *cut.texts]
         table, arrivals = cut.table, cut.arrival_ns
@@ -212,7 +211,6 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences about the stream for the user."""
         return [LEGACY] if self._legacy >= FEWEST_LEGACY else []
 
     # -- replies -------------------------------------------------------------------------------------------------------
@@ -304,7 +302,6 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         return events
 
     def count_of(self, device: str = "") -> Count | None:
-        """See events.Counts."""
         if device:
             return None  # only the line's own: the other devices of a shared line have no link to lose
         counter = self._clocks.counter

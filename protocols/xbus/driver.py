@@ -20,7 +20,6 @@ from typing import TypeVar
 
 from imuscope.protocols.commands.transactions import (
     AT_REST,
-    BaudChange,
     ByteRange,
     DeviceContext,
     DeviceDriver,
@@ -222,19 +221,10 @@ class XbusDriver(DeviceDriver):
             firmware=identity.get("firmware", known.firmware),
         )
 
-    def formerly(self, serial_number: str) -> Sequence[str]:
-        return formerly(serial_number)
-
-    def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
-        return config_effects.line_change(setting, old, new, known)
-
-    def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
-        return config_effects.rates(values, known)
-
-    def instead(
-        self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
-    ) -> tuple[str, Values] | None:
-        return config_effects.instead(command, values, present, known)
+    formerly = staticmethod(formerly)
+    line_change = staticmethod(config_effects.line_change)
+    rates = staticmethod(config_effects.rates)
+    instead = staticmethod(config_effects.instead)
 
     def restart_frames(self, values: Mapping[str, Values], known: DeviceContext) -> list[bytes]:
         return [frames.to_bus(frames.build(requests.RESET), _bus(known))]
@@ -279,8 +269,7 @@ class XbusDriver(DeviceDriver):
     def factory(self, known: DeviceContext) -> Mapping[str, Values]:
         return config_effects.factory(model_of(known.product))
 
-    def same(self, setting: str, a: Values, b: Values) -> list[str]:
-        return config_effects.differing(setting, a, b)
+    same = staticmethod(config_effects.differing)
 
 
 def _bus(known: DeviceContext) -> int:
@@ -414,7 +403,6 @@ def _read(one: StoredSetting) -> Transaction[Values]:
 
 
 def _identity(request: str) -> Transaction[dict[str, str]]:
-    """Identity in one answer."""
     number = {"ReqDID": 0x00, "ReqProductCode": 0x1C, "ReqFWRev": 0x12}[request]
     received: list[Reply] = []
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Bytes, Ints
+from imuscope.protocols.arrays import Bytes, Floats, Ints
 from imuscope.protocols.clocks.dates import UNKNOWN, utc_ns
 from imuscope.protocols.commands.composer import FrameRecord, ProtocolComposer
-from imuscope.protocols.commands.mounting import Floats, MountingSetting
+from imuscope.protocols.commands.mounting import MountingSetting
 from imuscope.protocols.commands.rate_tables import KeyVariant, RateRow, RateTable, VariantChoice
 from imuscope.protocols.commands.transactions import (
     DeviceContext,

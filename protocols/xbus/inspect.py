@@ -20,7 +20,6 @@ from imuscope.protocols.xbus.stream_parser import XbusStreamParser
 
 
 def detection_score(data: bytes) -> tuple[float, str]:
-    """(score 0..1, words)."""
     if not data:
         return 0.0, "no bytes"
     stream = XbusStreamParser()
@@ -51,11 +50,9 @@ class XbusFrameLister:
         self._stream = XbusStreamParser()
 
     def feed(self, data: bytes) -> None:
-        """Append a chunk."""
         self._stream.feed(data, 0)
 
     def drain(self, *, stalled: bool = False) -> list[FrameLine]:
-        """Lines of everything complete; see events.Decoder.drain."""
         cut = self._stream.drain(stalled=stalled)
 
         def values(k: int, frame: bytes) -> FrameLine:

@@ -30,11 +30,9 @@ class XbusOutputChanges:
 
     @property
     def standing(self) -> tuple[int, str] | None:
-        """See family.OutputChanges."""
         return (2, ON_REQUEST) if self._on_request else None
 
     def observe(self, reply: Reply) -> tuple[int, str] | None:
-        """See family.OutputChanges."""
         number = reply.message.id
         if number == WAKE_UP:
             return 2, RESTARTED

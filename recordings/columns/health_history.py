@@ -18,9 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Ints
-
-Floats = NDArray[np.float64]
+from imuscope.protocols.arrays import Floats, Ints
 
 NAME = "health.bin"
 ROW = np.dtype(

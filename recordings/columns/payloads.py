@@ -42,11 +42,9 @@ class PayloadsWriter:
         return [begins, np.full(count, size, np.uint32)]
 
     def flush(self) -> None:
-        """Make the data readable."""
         self._file.flush()
 
     def close(self) -> None:
-        """Finish the file."""
         self._file.close()
 
 

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import ColumnStore
-
-Floats = NDArray[np.float64]
 
 MIN_RESULTANT = 0.05  # of unit vectors; below it the direction is meaningless: the mean is NaN
 PASSES = 3

@@ -33,11 +33,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.recordings.columns.downsampling import FAR, LEVELS, LevelOffsets, level_offsets, padding, reduce
 from imuscope.recordings.system import atomic_write
 
-Floats = NDArray[np.float64]
 Base = Literal["device", "arrival"]
 Clock = Literal["key", "arrival", "time"]
 _CLOCKS: tuple[Clock, ...] = ("key", "arrival", "time")

@@ -29,7 +29,7 @@ def by_suffix(name: str) -> str | None:
     return max(matches, key=lambda one: len(one.suffix)).name if matches else None
 
 
-def export(format: str, request: ExportRequest, out: Path, step: ExportStep = lambda share: None) -> list[Path]:
+def export(export_format: str, request: ExportRequest, out: Path, step: ExportStep = lambda share: None) -> list[Path]:
     """Write the requested export.
 
     Args:
@@ -42,19 +42,19 @@ def export(format: str, request: ExportRequest, out: Path, step: ExportStep = la
     Raises:
         ExportError, RecordingError: not possible; nothing is left behind.
     """
-    if not request.infos and not request.payloads and not FORMATS[format].needs_source:
+    if not request.infos and not request.payloads and not FORMATS[export_format].needs_source:
         raise ExportError("This range contains nothing to export.", "Choose a longer range, or other channels.")
-    if lacks(*FORMATS[format].modules):
+    if lacks(*FORMATS[export_format].modules):
         raise ExportError(
-            f"{FORMATS[format].title} files need packages that are not installed.",
-            f"Add them: {installation_of(FORMATS[format].extra)}.",
+            f"{FORMATS[export_format].title} files need packages that are not installed.",
+            f"Add them: {installation_of(FORMATS[export_format].extra)}.",
         )
     if out.is_dir():
         raise ExportError(f"{out.name} is a folder that exists.", "Give another name, or remove it first.")
     temporary = out.parent / f".{secrets.token_hex(6)}.export"
     try:
         temporary.mkdir(parents=True)
-        made = FORMATS[format].write(request, temporary / out.name, step)
+        made = FORMATS[export_format].write(request, temporary / out.name, step)
         for path in made:
             atomic_write.replace(path, out.with_name(path.name), durable=False)
     except OSError as error:

@@ -85,13 +85,13 @@ def devices_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -
     entities: list[DeviceEntity] = []
     names = device_names(devices)
     titles = {str(device["id"]): str(device["name"]) for device in devices}
-    for id in dict.fromkeys([*titles, *(str(info["device"]) for info in channels)]):
-        own = [info for info in channels if info["device"] == id]
+    for key in dict.fromkeys([*titles, *(str(info["device"]) for info in channels)]):
+        own = [info for info in channels if info["device"] == key]
         if not own:
             continue
-        title = titles.get(id) or id
-        name = names.get(id, id)
-        entities.append(DeviceEntity(id, name, title, _curves(name, own), _attitude(name, own), _position(name, own)))
+        title = titles.get(key) or key
+        name = names.get(key, key)
+        entities.append(DeviceEntity(key, name, title, _curves(name, own), _attitude(name, own), _position(name, own)))
     return entities
 
 

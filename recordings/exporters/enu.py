@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from imuscope.protocols.arrays import Floats
 
 A = 6_378_137.0  # m
 F = 1 / 298.257223563

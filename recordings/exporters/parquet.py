@@ -19,8 +19,6 @@ from imuscope.recordings.exporters.request import ExportRequest, ExportStep
 
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
-    """One file per message beside `out`."""
-
     def write_table(table: MessageTable, path: Path, step: ExportStep) -> None:
         metadata = {"recording": request.title, "device": request.device_name(table.device), "message": table.name}
         metadata |= {"simulated": "true"} if request.is_simulated(table.device) else {}

@@ -83,13 +83,13 @@ class CaptureSource:
     def __init__(
         self,
         files: list[Path],
-        format: str,
+        format_name: str,
         protocol: str = "",
         about: Mapping[str, str] = {},
         score: float = GUESS_SCORE,
     ) -> None:
         self.path = files[0]
-        self.format = format
+        self.format = format_name
         self.header: Mapping[str, str] = {}
         self._files = files
         self._size = sum(file.stat().st_size for file in files)

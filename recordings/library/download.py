@@ -38,24 +38,24 @@ _FOOTER = _RECORD + 20
 _METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # its offset in a statistics record
 
 
-def full_recording(path: Path, title: str, edits: sidecar.Edits, format: str, out: BinaryIO) -> None:
+def full_recording(path: Path, title: str, edits: sidecar.Edits, format_name: str, out: BinaryIO) -> None:
     """Write everything of a recording.
 
     Args:
         title, edits: as in the library.
-        format: that was found when its metadata was read.
+        format_name: as found when its metadata was read.
 
     Raises:
         RecordingError, OSError: it cannot be read.
     """
-    if format == "mcap":
+    if format_name == "mcap":
         with McapReader(path) as recording:
             if recording.is_ours:
                 write_compacted(recording, out, edit=edits.as_metadata())
                 return
-    if format not in CAPTURE_FORMATS:
+    if format_name not in CAPTURE_FORMATS:
         with open_regular(path) as file:
-            _with_edits(file, edits, format, out)
+            _with_edits(file, edits, format_name, out)
         return
     wrap_capture(open_file(path), title, edits, out)
 
@@ -82,17 +82,17 @@ def original_bytes(path: Path, device: str, out: BinaryIO) -> None:
             out.write(part.data)
 
 
-def _with_edits(file: BinaryIO, edits: sidecar.Edits, format: str, out: BinaryIO) -> None:
+def _with_edits(file: BinaryIO, edits: sidecar.Edits, format_name: str, out: BinaryIO) -> None:
     """Copy a file of another program with the user's changes."""
     values = edits.as_metadata()
-    if values and format == "csv":
+    if values and format_name == "csv":
         first = file.readline(sidecar.MAX_BYTES)
         mark = BOM if first.startswith(BOM) else b""
         line = f"{sidecar.CSV_EDIT}{json.dumps(values, ensure_ascii=False)}\n".encode()
         out.write(mark + line)
         if sidecar.from_csv(first) == sidecar.Edits():  # else its own line has older edits
             out.write(first.removeprefix(BOM))
-    if not (values and format == "mcap" and _with_metadata(file, Metadata(name=EDIT, metadata=values), out)):
+    if not (values and format_name == "mcap" and _with_metadata(file, Metadata(name=EDIT, metadata=values), out)):
         shutil.copyfileobj(file, out, 1 << 20)
 
 

@@ -60,7 +60,7 @@ class FileContents(Generic[K]):
         self._last = 0
 
     def add(
-        self, key: K, topic: str, encoding: str, schema: SchemaKey | None, metadata: Mapping[str, str], id: int = 0
+        self, key: K, topic: str, encoding: str, schema: SchemaKey | None, metadata: Mapping[str, str], number: int = 0
     ) -> list[McapRecord]:
         """Records of a new channel, and of its schema if that is new; numbers are given in order."""
         records: list[McapRecord] = []
@@ -69,7 +69,7 @@ class FileContents(Generic[K]):
             self._schemas[schema] = Schema(id=len(self._schemas) + 1, data=data, encoding=kind, name=name)
             records.append(self._schemas[schema])
         self.channels[key] = Channel(
-            id=id or len(self.channels) + 1,
+            id=number or len(self.channels) + 1,
             topic=topic,
             message_encoding=encoding,
             metadata=dict(metadata),
@@ -78,7 +78,6 @@ class FileContents(Generic[K]):
         return [*records, self.channels[key]]
 
     def count(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
-        """Count messages."""
         self._counts[channel] = self._counts.get(channel, 0) + count
         self._first = first_ns if self._first is None else min(self._first, first_ns)
         self._last = max(self._last, last_ns)

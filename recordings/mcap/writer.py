@@ -183,8 +183,8 @@ class McapWriter:
 
     def _copied(self, device: str, definitions: Definitions, record: bytes, arrival_ns: int) -> list[bytes]:
         """The record of a message in this file, after those of its channel if it is the first."""
-        opcode, size, id, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(record)
-        channel = definitions.channels.get(id)
+        opcode, size, channel_id, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(record)
+        channel = definitions.channels.get(channel_id)
         if channel is None:
             return []
         key = (device, channel)

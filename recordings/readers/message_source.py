@@ -36,7 +36,6 @@ class MessageFile:
 
     @property
     def indexed(self) -> list[int]:
-        """End of each block of the file, ns; empty without an index."""
         return []
 
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
@@ -73,7 +72,6 @@ class MessageSource(MessageFile):
 
     @property
     def indexed(self) -> list[int]:
-        """End of each block of the file, ns; empty without an index."""
         return [index.message_end_time for index in self._recording.chunks]
 
     def _device_of(self, topic: MessageChannel) -> str:
@@ -83,7 +81,6 @@ class MessageSource(MessageFile):
         return DEVICE if self._readable[kind] else ""
 
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
-        """All messages, or at least those between two times."""
         recording = self._recording
         recording.damage.clear()
         blocks = MessageBlocks(recording, self._device_of)
@@ -95,7 +92,6 @@ class MessageSource(MessageFile):
         self.segments = segments_in(recording.meta("export").get("segments", ""))
 
     def preamble(self, device: str) -> bytes:
-        """Definitions of the channels of a device; complete after `parts`."""
         return preamble(self._recording, self._device_of, device)
 
 

@@ -83,7 +83,6 @@ register_reader = READERS.register
 
 
 def reader_suffixes() -> tuple[str, ...]:
-    """Suffixes of all readers, each once."""
     return tuple(dict.fromkeys(suffix for one in READERS.all().values() for suffix in one.suffixes))
 
 

@@ -43,11 +43,11 @@ def parts_of(path: Path) -> list[Path]:
     return [other for _, other in sorted(parts)] or [path]
 
 
-def read_index(path: Path, format: LogFormat) -> tuple[Ints, Ints] | None:
+def read_index(path: Path, log_format: LogFormat) -> tuple[Ints, Ints] | None:
     """(offsets, ms) of the index beside a log, ascending; None if there is no usable one."""
-    if format.read_index is None:
+    if log_format.read_index is None:
         return None
     try:
-        return format.read_index(read_regular(path.with_suffix(format.index_suffix)))
+        return log_format.read_index(read_regular(path.with_suffix(log_format.index_suffix)))
     except OSError:
         return None

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.clocks.dates import UNKNOWN, S, utc_ns
 from imuscope.recordings.tables.clock import TableClock
 from imuscope.recordings.tables.dates import GPS_EPOCH, Order, seconds_of_day, unix_seconds
@@ -19,7 +20,6 @@ from imuscope.recordings.tables.dates import GPS_EPOCH, Order, seconds_of_day, u
 if TYPE_CHECKING:  # imported where a table is read, so that a server starts sooner
     import pyarrow as pa
 
-Floats = NDArray[np.float64]
 
 FEWEST = 3  # cells in hexadecimal digits
 _DIGITS = re.compile(r"^(?:0[xX])?[0-9A-Fa-f]{2,16}$")

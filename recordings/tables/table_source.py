@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted, plural
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
@@ -46,7 +46,6 @@ from imuscope.recordings.tables.unreadable_cells import UnreadableCells
 if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
     import pyarrow as pa
 
-Floats = NDArray[np.float64]
 
 DEVICE = "1"
 SEGMENT = "segment"
@@ -98,8 +97,8 @@ class TableSource:
     axis: TimeAxis | None = None
     members: Sequence[TableSource] = ()
 
-    def __init__(self, path: Path, format: str) -> None:
-        self.path, self.format = path, format
+    def __init__(self, path: Path, format_name: str) -> None:
+        self.path, self.format = path, format_name
         self.header: Mapping[str, str] = {}
         self.devices = {DEVICE: SourceDevice(DEVICE, "", {"source": path.name, "name": path.stem})}
         self.damage: list[FileDamage] = []

@@ -13,9 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from imuscope.protocols.arrays import Floats
 
 UNITS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
 _SPELLINGS = {
@@ -77,7 +76,6 @@ class UnitReading:
 
 
 def rate_text(rate: float) -> str:
-    """A rate in words."""
     for size, unit in ((1e9, "GHz"), (1e6, "MHz"), (1e4, "kHz")):
         if rate >= size:
             return f"{rate / (1000 if unit == 'kHz' else size):.4g} {unit}"

@@ -32,7 +32,6 @@ class UnreadableCells:
         self._rounded: dict[int, str] = {}  # column → a whole number that float64 does not hold
 
     def clear(self) -> None:
-        """Forget all."""
         self._texts.clear()
         self._numeric.clear()
         self._rounded.clear()

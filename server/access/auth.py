@@ -39,7 +39,7 @@ from http.cookies import CookieError, SimpleCookie
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
-from imuscope.server.access.login_throttle import UNGUESSABLE, LoginThrottle
+from imuscope.server.access.login_throttle import MIN_UNGUESSABLE_CHARS, LoginThrottle
 from imuscope.server.access.route_rules import FILES, SAFE_METHODS, RouteRules
 from imuscope.server.access.security_headers import WEBHOOK_HEADER, with_defaults
 from imuscope.server.errors import DomainError, status_of
@@ -128,7 +128,7 @@ class Access:
             RefusedError: too many wrong tokens came from this client; this one was not checked.
         """
         role = self.role_of(token)
-        if self.is_open(client, headers) or (role is not None and len(token) >= UNGUESSABLE):
+        if self.is_open(client, headers) or (role is not None and len(token) >= MIN_UNGUESSABLE_CHARS):
             return role
         wait = math.ceil(self._failures.wait_s(client))
         if wait:

@@ -7,7 +7,7 @@ Many users may share one address (NAT, a proxy), and one who guesses must not lo
 always passed, a correct guess would always succeed, and guessing would not be limited. So it depends on whether the
 token could be guessed:
 
-    valid token of at least `UNGUESSABLE` characters    always passes. The server generates 24 characters with 144
+    valid token of `MIN_UNGUESSABLE_CHARS` or more      always passes. The server generates 24 characters with 144
                                                         random bits: 10²⁹ years at a million guesses per second.
     shorter token, from a configuration file            not checked while its address is locked; valid from other
                                                         addresses. A message at start says that it is short.
@@ -16,7 +16,7 @@ An address is an IPv4 address or the /64 of an IPv6 address, which a household o
 Loopback is limited as well, because a proxy on this machine forwards requests of others. X-Forwarded-For is not used,
 because any client can set it.
 
-Memory is constant: `ADDRESSES` are stored; the address whose last failure is oldest is removed first.
+Memory is constant: `MAX_ADDRESSES` are stored; the address whose last failure is oldest is removed first.
 """
 
 import ipaddress
@@ -28,8 +28,8 @@ from imuscope.server.settings.config import Config
 
 MAX_FAILURES = 10
 WITHIN_S = 60.0
-UNGUESSABLE = 20
-ADDRESSES = 1024
+MIN_UNGUESSABLE_CHARS = 20
+MAX_ADDRESSES = 1024
 
 
 class LoginThrottle:
@@ -41,7 +41,7 @@ class LoginThrottle:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._failures = TokenBuckets(MAX_FAILURES / WITHIN_S, MAX_FAILURES, ADDRESSES)
+        self._failures = TokenBuckets(MAX_FAILURES / WITHIN_S, MAX_FAILURES, MAX_ADDRESSES)
 
     def __len__(self) -> int:
         return len(self._failures)
@@ -58,7 +58,7 @@ class LoginThrottle:
 def short_tokens(config: Config) -> list[str]:
     """Configured tokens that could be guessed."""
     tokens = {"view_token": config.view_token, "control_token": config.control_token}
-    return [name for name, token in tokens.items() if 0 < len(token) < UNGUESSABLE]
+    return [name for name, token in tokens.items() if 0 < len(token) < MIN_UNGUESSABLE_CHARS]
 
 
 def client_group(address: str) -> str:

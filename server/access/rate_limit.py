@@ -1,8 +1,8 @@
 """Rate limits per client address: high enough for any page, low enough that a flood does not affect other clients.
 
-    any request or WebSocket      `PER_S` per second, `AT_ONCE` more after a pause      beyond: 429 and Retry-After
-    reading or analysing          `READING` at once, `WAITING` more are queued          beyond: 429
-    any other request             `IN_A_PASS` begin in one pass of the event loop: a hundred at once, of some
+    any request or WebSocket      `REQUESTS_PER_S`, `REQUEST_BURST` more after a pause   beyond: 429 and Retry-After
+    reading or analysing          `MAX_READING` at once, `MAX_WAITING` more are queued   beyond: 429
+    any other request             `ADMITTED_PER_PASS` of the event loop begin: a hundred at once, of some
                                   milliseconds each, would otherwise block other clients for a second
 
 A page sends some 60 requests when it is opened, and about 20 per second while a plot is dragged; many pages may share
@@ -32,11 +32,11 @@ from imuscope.server.errors import DomainError
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Receive, Scope, Send
 
-PER_S = 200.0
-AT_ONCE = 1000.0
-READING, WAITING = 4, 60
-IN_A_PASS = 4
-ADDRESSES = 1024  # stored; the least recently used is removed first
+REQUESTS_PER_S = 200.0
+REQUEST_BURST = 1000.0
+MAX_READING, MAX_WAITING = 4, 60
+ADMITTED_PER_PASS = 4
+MAX_ADDRESSES = 1024  # stored; the least recently used is removed first
 ALWAYS = "/healthz"
 READS = re.compile(
     r"GET /api/(recordings/[^/]+|devices/[^/]+(?=/query))(/(window|statistics|query|health|amount))?"
@@ -54,7 +54,7 @@ class RateLimiter:
     def __init__(self, app: ASGIApp, clock: Callable[[], float] = time.monotonic) -> None:
         self._app = app
         self._clock = clock
-        self._requests = TokenBuckets(PER_S, AT_ONCE, ADDRESSES)
+        self._requests = TokenBuckets(REQUESTS_PER_S, REQUEST_BURST, MAX_ADDRESSES)
         self._readers: dict[str, ReadSlots] = {}
         self._gates: WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Semaphore] = WeakKeyDictionary()
 
@@ -65,7 +65,9 @@ class RateLimiter:
         group = client_group((scope.get("client") or ("", 0))[0])
         if wait := self.acquire(group):
             words = "Too many requests came from this address."
-            refusal = DomainError("too-fast", words, f"Send fewer requests: {PER_S:.0f} a second are answered.")
+            refusal = DomainError(
+                "too-fast", words, f"Send fewer requests: {REQUESTS_PER_S:.0f} a second are answered."
+            )
             await refuse(scope, receive, send, refusal, math.ceil(wait))
         elif scope["type"] == "http" and READS.fullmatch(f"{scope['method']} {scope['path']}"):
             await self._read(group, scope, receive, send)
@@ -74,9 +76,9 @@ class RateLimiter:
             await self._app(scope, receive, send)
 
     async def _begin(self) -> None:
-        """Wait for a pass of the event loop in which fewer than IN_A_PASS requests begin."""
+        """Wait for a pass of the event loop in which fewer than ADMITTED_PER_PASS requests begin."""
         loop = asyncio.get_running_loop()
-        gate = self._gates.setdefault(loop, asyncio.Semaphore(IN_A_PASS))
+        gate = self._gates.setdefault(loop, asyncio.Semaphore(ADMITTED_PER_PASS))
         await gate.acquire()
         loop.call_soon(gate.release)
 
@@ -90,7 +92,7 @@ class RateLimiter:
 
     async def _read(self, group: str, scope: Scope, receive: Receive, send: Send) -> None:
         readers = self._readers.setdefault(group, ReadSlots())
-        if readers.requested >= READING + WAITING:
+        if readers.requested >= MAX_READING + MAX_WAITING:
             words = "Too many reads are queued for this address."
             await refuse(
                 scope, receive, send, DomainError("too-fast", words, "Wait for the earlier requests to finish."), 1
@@ -109,7 +111,7 @@ class ReadSlots:
 
     def __init__(self) -> None:
         self.requested = 0
-        self._turns = asyncio.Semaphore(READING)
+        self._turns = asyncio.Semaphore(MAX_READING)
 
     @contextlib.asynccontextmanager
     async def slot(self) -> AsyncIterator[None]:

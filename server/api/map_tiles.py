@@ -12,7 +12,7 @@ from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.integrations.map_tiles import KINDS
 
-DEEPEST = 22
+MAX_ZOOM = 22
 KEEP = "private, max-age=86400"
 
 router = lazy_router(prefix="/api", tags=["map"])
@@ -35,7 +35,7 @@ async def get_map(services: TheServices) -> MapInfo:
 @router.get("/tiles/{z}/{x}/{y}", response_class=Response, responses={**bytes_of(*KINDS), **responses(404, 422, 502)})
 async def get_tile(
     services: TheServices,
-    z: Annotated[int, Path(ge=0, le=DEEPEST)],
+    z: Annotated[int, Path(ge=0, le=MAX_ZOOM)],
     x: Annotated[int, Path(ge=0)],
     y: Annotated[int, Path(ge=0)],
 ) -> Response:

@@ -66,7 +66,7 @@ TABLE: dict[int | str, dict[str, Any]] = {
 Recording = Annotated[str, "id of a recording"]
 Time = Annotated[float | None, Query(description="unix seconds")]
 Width = Annotated[int, Query(ge=0, le=MAX_WIDTH, description="buckets wanted; 0 for every row")]
-Format = Annotated[Literal["arrow", "json"], Query()]
+Format = Annotated[Literal["arrow", "json"], Query(alias="format")]
 Partial = Annotated[bool, Query(description="while it is decoded for the first time: use the part decoded so far")]
 
 
@@ -188,7 +188,7 @@ def query_recording(
     width: Width = 0,
     columns: Annotated[str, Query(description="names, separated by commas; empty for all")] = "",
     base: Base = "device",
-    format: Format = "arrow",
+    answer_format: Format = "arrow",
     device: Annotated[str, Query(description="needed if several devices have a channel of that name")] = "",
 ) -> Response:
     """One channel as a table: Arrow or JSON, every row or summarised in buckets."""
@@ -201,7 +201,7 @@ def query_recording(
         raise DomainError("too-many", "The range has too many rows for one response.", hint)
     _only_one(request)
     answer = recorded(store, info, t0, t1, width, columns=_positions(info, columns), base=base)
-    return _table(ordered(answer) if base == "device" else answer, format)
+    return _table(ordered(answer) if base == "device" else answer, answer_format)
 
 
 @router.get("/api/devices/{device}/query", tags=["devices"], responses=TABLE, response_class=Response)
@@ -215,7 +215,7 @@ async def query_device(
     width: Width = 0,
     columns: Annotated[str, Query(description="names, separated by commas; empty for all")] = "",
     base: Base = "device",
-    format: Format = "arrow",
+    answer_format: Format = "arrow",
 ) -> Response:
     """Samples of a live channel in memory, as a table, with the parameters of the query on a recording."""
     telemetry = services.telemetry
@@ -232,7 +232,7 @@ async def query_device(
     _only_one(request)
     whole = stored_values(telemetry.store.of(number), t0, base)
     answer = await asyncio.to_thread(query_columns, own[number], whole, t0, t1, width, columns=positions, base=base)
-    return _table(await asyncio.to_thread(ordered, answer) if base == "device" else answer, format)
+    return _table(await asyncio.to_thread(ordered, answer) if base == "device" else answer, answer_format)
 
 
 def _span(t0: float, t1: float) -> tuple[float, float]:
@@ -268,7 +268,7 @@ def _positions(info: wire.ChannelInfo, words: str) -> list[int] | None:
     return [names.index(word) for word in column_names] or None
 
 
-def _table(answer: QueryResult, format: Literal["arrow", "json"]) -> Response:
+def _table(answer: QueryResult, answer_format: Literal["arrow", "json"]) -> Response:
     """Stream the table in pieces made in threads, so a large answer neither fills the memory nor blocks the loop."""
-    pieces, kind = (arrow_of(answer), ARROW) if format == "arrow" else (json_of(answer), "application/json")
+    pieces, kind = (arrow_of(answer), ARROW) if answer_format == "arrow" else (json_of(answer), "application/json")
     return StreamingResponse(pieces, media_type=kind, headers={"cache-control": "no-store"})

@@ -25,12 +25,12 @@ from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.library.api_models import EditRequest, MarkerRequest, PlayRequest, RecordingInfo
 from imuscope.server.library.foreign_files import ForeignFiles
-from imuscope.server.links.capture_file import SPEEDS
+from imuscope.server.links.capture_file import SPEED_RANGE
 
 router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 
 MAX_TITLE, MAX_NOTES, MAX_TAGS, MAX_TAG, MAX_TEXT, MAX_MARKERS = 200, 20_000, 50, 60, 2000, 5000
-BUFFER = 1 << 20
+BUFFER_BYTES = 1 << 20
 BYTES = "application/octet-stream"
 Changed = TypeVar("Changed")
 
@@ -119,7 +119,7 @@ async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> Non
             if got > length:
                 raise RecordingError("The upload is longer than its Content-Length.", "Send its true Content-Length.")
             buffer += chunk
-            if len(buffer) >= BUFFER:
+            if len(buffer) >= BUFFER_BYTES:
                 await asyncio.to_thread(file.write, bytes(buffer))
                 buffer.clear()
         await asyncio.to_thread(file.write, bytes(buffer))
@@ -287,7 +287,7 @@ async def _in_thread(recording: str, work: Callable[[], Changed]) -> Changed:
             raise DomainError("name", error.message, error.hint) from None
 
 
-HINT_SPEED = f"Use {SPEEDS[0]:g} to {SPEEDS[1]:g} times the original speed."
+HINT_SPEED = f"Use {SPEED_RANGE[0]:g} to {SPEED_RANGE[1]:g} times the original speed."
 
 
 async def played_source(path: Path, play: PlayRequest, files: ForeignFiles) -> str:
@@ -296,7 +296,7 @@ async def played_source(path: Path, play: PlayRequest, files: ForeignFiles) -> s
     Raises:
         DomainError: an option is out of range, or the recording cannot be read.
     """
-    if not SPEEDS[0] <= play.speed <= SPEEDS[1]:
+    if not SPEED_RANGE[0] <= play.speed <= SPEED_RANGE[1]:
         raise DomainError("bad-request", f"Speed {play.speed:g} is out of range.", HINT_SPEED)
     options = [f"speed={play.speed:g}"] if play.speed != 1 else []
     if play.loop:

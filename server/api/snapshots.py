@@ -89,10 +89,10 @@ async def get_snapshot(
     name: str,
     controller: OneController,
     controllers: AllControllers,
-    format: Annotated[Literal["yaml", "json"], Query()] = "yaml",
+    text_format: Annotated[Literal["yaml", "json"], Query(alias="format")] = "yaml",
 ) -> Response | SnapshotBody:
     """A snapshot as YAML for reading, or as JSON for programs."""
-    if format == "json":
+    if text_format == "json":
         return plain_body(await _load(controller, controllers, name), name)
     try:
         text = await asyncio.to_thread(controllers.snapshots.text, *_identity(controller), name)

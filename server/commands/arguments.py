@@ -41,7 +41,7 @@ CONFIG_HELP = """configuration file (TOML): the options above with _ for -, sour
   allowed_hosts, allowed_origins  lists of host names and page origins that may use this server
   rollback_s                      time to confirm settings that could cut the link, s (default 20)
   history_s, memory_mb            limits of the sample history, whichever is reached first (default 600 s, 256 MB)
-  bytes_mb                        of memory_mb, for the bytes of live links, at most a quarter (default 64 MB)
+  bytes_mb                        of memory_mb, for the bytes of live links, at most a quarter of it (default 64 MB)
   recordings_quota_gb             disk quota; the oldest recordings that are not pinned are deleted (0: none)
   split_mb, split_min             size or duration at which a recording continues in a new file (0: never)
   sync_s                          longest time until a recording is on the disk itself, s (default 1; 0: left to the
@@ -92,7 +92,6 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _bus_id(text: str) -> str:
-    """A bus identifier, 1 to 255."""
     if not text.isascii() or not text.isdigit() or not 0 < int(text) <= 255:
         raise argparse.ArgumentTypeError(f"{text!r:.40} is not a bus identifier; give a number from 1 to 255")
     return str(int(text))

@@ -19,7 +19,7 @@ from imuscope.server.commands.compose import ComposeError, composers
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 
 CommandListRow = Command | Setting
-WIDTH = 120
+LINE_CHARS = 120
 KINDS = {"ask": "asks, changes nothing", "set": "writes a setting", "do": "starts something"}
 
 
@@ -135,4 +135,4 @@ def _range(field: Field, *, signed: bool = False) -> str:
 
 
 def _wrapped(text: str, margin: str = "  ") -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent=margin, subsequent_indent=margin)
+    return textwrap.wrap(text, LINE_CHARS, initial_indent=margin, subsequent_indent=margin)

@@ -336,7 +336,6 @@ def frames_of(
 
 
 def frame_of_record(record: FrameRecord, all_composers: Mapping[str, ProtocolComposer]) -> bytes:
-    """The frame of one line."""
     protocol = record.get("protocol")
     if protocol is None:
         raise ComposeError("the line has no protocol; give one with --protocol")

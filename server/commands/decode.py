@@ -29,7 +29,7 @@ from imuscope.server.services.extension import FileOutput, file_outputs
 from imuscope.server.text.printable import printable
 
 SHOW_AFTER_S = 1.0  # shorter work shows no bar
-_CELLS = 30
+_PROGRESS_CELLS = 30
 _EVERY_S = 0.1
 MOST_DAMAGE = 5  # sentences
 MOST_SENTENCES = 12  # on the clock of a file
@@ -49,13 +49,13 @@ class Bar:
         if self._shows and time.monotonic() >= self._next:
             self._next = time.monotonic() + _EVERY_S
             self._drawn = True
-            full = round(share * _CELLS)
-            self._out.write(f"\r{'█' * full}{'·' * (_CELLS - full)} {share:4.0%}")
+            full = round(share * _PROGRESS_CELLS)
+            self._out.write(f"\r{'█' * full}{'·' * (_PROGRESS_CELLS - full)} {share:4.0%}")
             self._out.flush()
 
     def clear(self) -> None:
         if self._drawn:
-            self._out.write(f"\r{' ' * (_CELLS + 6)}\r")
+            self._out.write(f"\r{' ' * (_PROGRESS_CELLS + 6)}\r")
             self._out.flush()
 
 
@@ -141,12 +141,12 @@ def _check_output(out: Path, path: Path, part: DecodedPart) -> None:
 def _written(
     columns: ColumnStore, path: Path, out: Path, part: DecodedPart, step: Callable[[float], None]
 ) -> list[Path]:
-    format, output = _format_of(out, with_position=part.with_position)
+    export_format, output = _format_of(out, with_position=part.with_position)
     request = _export_request(columns, path, part)
     if output is not None:
         return output.write(request, out, step, with_position=part.with_position)
-    assert format is not None  # the suffix was checked
-    return export(format, request, out, step)
+    assert export_format is not None  # the suffix was checked
+    return export(export_format, request, out, step)
 
 
 def time_sentences(columns: ColumnStore, *, of_device: bool = True) -> list[str]:
@@ -184,7 +184,7 @@ def _format_of(out: Path, *, with_position: bool) -> tuple[str | None, FileOutpu
     Raises:
         UsageError: the suffix selects none, or what it selects always shows positions.
     """
-    format = by_suffix(out.name)
+    export_format = by_suffix(out.name)
     outputs = file_outputs()
     output = outputs.get(out.suffix.lower())
     if not with_position and not (output is not None and output.hides_position):
@@ -192,12 +192,12 @@ def _format_of(out: Path, *, with_position: bool) -> tuple[str | None, FileOutpu
         only = f"applies to {', '.join(one.title.partition(':')[0] for one in hiding) or 'no installed output'} only"
         remedy = f"; let OUT end with {' or '.join(one.suffix for one in hiding)}" if hiding else ""
         raise UsageError(f"--without-position {only}{remedy}")
-    if format is None and output is None:
+    if export_format is None and output is None:
         known = ", ".join([*dict.fromkeys(one.suffix for one in FORMATS.values()), *outputs])
         raise UsageError(
             f"{out.suffix or 'a name without suffix'} is not a valid format; OUT ends with one of: {known}"
         )
-    return (None, output) if output is not None else (format, None)
+    return (None, output) if output is not None else (export_format, None)
 
 
 def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> ExportRequest:

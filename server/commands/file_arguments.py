@@ -9,7 +9,6 @@ AddParser: TypeAlias = Callable[..., argparse.ArgumentParser]
 
 
 def add_file(command: argparse.ArgumentParser) -> None:
-    """Add the file to read."""
     command.add_argument(
         "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
     )
@@ -29,7 +28,7 @@ def add_table(command: argparse.ArgumentParser) -> None:
         "--clock",
         choices=("device", "arrival"),
         default="",
-        help="time axis of devices and messages: their own time, or the arrival (log time)",
+        help="time axis of devices and messages: their own clock, or the arrival (log time)",
     )
     group = command.add_argument_group("tables, for what the file does not contain")
     group.add_argument(

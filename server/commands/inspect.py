@@ -40,7 +40,7 @@ from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 from imuscope.server.text.printable import json_text
 
-CHUNK = 1 << 20
+CHUNK_BYTES = 1 << 20
 NO_DEVICES = "is not a recording, so it has no devices to choose from; leave --device out"
 
 InspectLine = Mapping[str, Any]
@@ -54,7 +54,7 @@ def inspect_file(
     reading: DecodeOptions = DecodeOptions("auto"),  # noqa: B008 - frozen
     *,
     direction: Literal["rx", "tx"] = "rx",
-    format: Literal["table", "jsonl"] = "table",
+    text_format: Literal["table", "jsonl"] = "table",
     rejects: bool = False,
     device: str = "",
     notes: TextIO | None = None,
@@ -79,7 +79,7 @@ def inspect_file(
         unclaimed = UnclaimedBytes()
         every = unclaimed.watch(_lines(unclaimed.count(pieces), row, reading.settings(row.name), detector))
         lines = _counted(every, counts, rejects)
-        if format == "jsonl":
+        if text_format == "jsonl":
             for line in lines:
                 out.write(json_text(line, allow_nan=False, default=str) + "\n")
         else:
@@ -129,7 +129,6 @@ class UnclaimedBytes:
             yield line
 
     def words(self) -> str:
-        """A sentence."""
         first = self._first if self._first >= 0 else self._end
         return (
             f"{self.total} of {self._size} bytes belong to no accepted frame and no known message, the first at offset "
@@ -262,7 +261,7 @@ def _guessed(head: bytes, name: str) -> str:
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:
-    while chunk := file.read(CHUNK):
+    while chunk := file.read(CHUNK_BYTES):
         yield chunk
 
 

@@ -26,7 +26,7 @@ from imuscope.server.library.reject_reasons import explained_rejects
 from imuscope.server.text.printable import printable
 
 LONGEST_WORD = 64  # characters of a text or of bytes; jsonl has all of them
-WIDTH = 26  # of the message name
+NAME_CHARS = 26  # of the message name
 
 NOTES: Mapping[str, str] = {
     "undecodable_short": "shorter than its type: not decoded",
@@ -50,7 +50,7 @@ class InspectTable:
         family: of the frames.
     """
 
-    head = f"{'offset':>10}  {'size':>5}  {'message':<{WIDTH}}  fields"
+    head = f"{'offset':>10}  {'size':>5}  {'message':<{NAME_CHARS}}  fields"
 
     def __init__(self, reading: DecodeOptions, family: ProtocolInfo) -> None:
         self._explained = explained_rejects(family)
@@ -62,7 +62,7 @@ class InspectTable:
         head = f"{line['offset']:>10}  {line['size']:>5}  "
         if "reject" in line:
             why = self._explained.get(line["reject"], "")
-            return head + f"{'—':<{WIDTH}}  {line['reject']}" + (f": {why}" if why else "")
+            return head + f"{'—':<{NAME_CHARS}}  {line['reject']}" + (f": {why}" if why else "")
         flags = line.get("flags", {})
         known = self._fields(line["protocol"], line["message"])
         composer = self._composers.get(line["protocol"])
@@ -74,7 +74,7 @@ class InspectTable:
         words += [f"({NOTES.get(note, note)})" for note in line.get("notes", ())]
         words += ["(unverified)"] * (line.get("verified") is False)
         name = line["message"] if line["id"] is not None else f"{line['protocol']} {line['message']}"
-        return printable((head + f"{name:<{WIDTH}}  " + "  ".join(words)).rstrip())
+        return printable((head + f"{name:<{NAME_CHARS}}  " + "  ".join(words)).rstrip())
 
     def _fields_of(self, protocol: str, message: str) -> Mapping[str, Field]:
         """Fields by the names that inspect prints; {} for embedded messages (NMEA, UBX, RTCM)."""

@@ -6,7 +6,7 @@ import argparse
 def add_page_address(command: argparse.ArgumentParser) -> None:
     """Add --host, --port and the options of TLS."""
     command.add_argument(
-        "--host", help="address of the page (default 127.0.0.1; any other requires a token, which is printed)"
+        "--host", help="address to serve the page on (default 127.0.0.1; any other requires a token, which is printed)"
     )
     command.add_argument("--port", type=int, help="port of the page (default 8080; 0 selects a free port)")
     command.add_argument("--tls", action="store_true", default=None, help="serve HTTPS with a self-signed certificate")

@@ -6,7 +6,7 @@ from imuscope.server.devices.decode.decode_options import url_options
 from imuscope.server.links.registry import LinkDefinition, link_kinds
 from imuscope.server.services.extension import file_outputs
 
-_COLUMN = 34
+_NAME_CHARS = 34
 
 
 def source_list() -> str:
@@ -23,17 +23,17 @@ def source_help() -> str:
 
 def _of_any() -> list[str]:
     names = ", ".join(f"{name}=" for name in url_options())
-    wrapped = textwrap.wrap(f"{names}: like the options above", 120 - _COLUMN)
-    return [f"{'  any of them' if line == wrapped[0] else '':<{_COLUMN}}{line}" for line in wrapped]
+    wrapped = textwrap.wrap(f"{names}: like the options above", 120 - _NAME_CHARS)
+    return [f"{'  any of them' if line == wrapped[0] else '':<{_NAME_CHARS}}{line}" for line in wrapped]
 
 
 def _usage(kind: LinkDefinition) -> list[str]:
     lines = []
     for form, words in kind.usage or ((kind.form, kind.title),):
         first, *more = words.split("\n")
-        is_short = len(form) < _COLUMN - 3
-        lines += [f"  {form:<{_COLUMN - 2}}{first}"] if is_short else [f"  {form}", f"{'':{_COLUMN}}{first}"]
-        lines += [f"{'':{_COLUMN}}{line}" for line in more]
+        is_short = len(form) < _NAME_CHARS - 3
+        lines += [f"  {form:<{_NAME_CHARS - 2}}{first}"] if is_short else [f"  {form}", f"{'':{_NAME_CHARS}}{first}"]
+        lines += [f"{'':{_NAME_CHARS}}{line}" for line in more]
     return lines
 
 

@@ -54,7 +54,7 @@ from imuscope.server.text.printable import json_text
 
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is detected
 BOOT_S = 0.6  # a simulator, or a device that is reset when its port is opened, cannot receive before
-ENOUGH = 400  # bytes for detection
+DETECTION_BYTES = 400
 ADDRESS_S = 0.5  # for a few frames of each device
 ALONE = 0xFF  # bus identifier of a device that does not share its line
 
@@ -255,7 +255,7 @@ async def _detect_protocol(link: Link, protocol: str, guess: str) -> tuple[str, 
     """The protocol of the source, and the bytes received for detection; for a silent source, that of the message."""
     begin, received = time.monotonic(), bytearray()
     with contextlib.suppress(TimeoutError):
-        while len(received) < ENOUGH:
+        while len(received) < DETECTION_BYTES:
             left = (BOOT_S if protocol else LISTEN_S) - (time.monotonic() - begin)
             async with asyncio.timeout(max(left, 0.001)):
                 chunks = await link.read()

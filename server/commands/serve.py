@@ -146,7 +146,7 @@ def _check_extensions(config: Config) -> None:
 
 def _print_addresses(config: Config, access: Access, url: str, fingerprint: str, is_robot: bool) -> None:
     """Print the address of the page, its tokens and start-up warnings."""
-    from imuscope.server.access.login_throttle import UNGUESSABLE, short_tokens
+    from imuscope.server.access.login_throttle import MIN_UNGUESSABLE_CHARS, short_tokens
 
     if access.control_token and not config.is_loopback:
         print(
@@ -158,7 +158,7 @@ def _print_addresses(config: Config, access: Access, url: str, fingerprint: str,
     if fingerprint:
         print(f"SHA-256 of the certificate: {fingerprint}", flush=True)
     for name in short_tokens(config):
-        logging_setup.print_or_log(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
+        logging_setup.print_or_log(f"{name} could be guessed: give it {MIN_UNGUESSABLE_CHARS} characters or more.")
     for problem in (*problems(), *extension_problems()):
         logging_setup.print_or_log(problem)
     if is_robot and config.sources == SIMULATORS:

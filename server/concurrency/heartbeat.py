@@ -12,12 +12,12 @@ import asyncio
 import math
 
 UNWATCHED_S = 0.2  # between two turns without viewers: nothing is needed sooner
-MARGIN = 0.1  # of an interval: a timer may be early by the resolution of the clock, and is not repeated then
+EARLY_SHARE = 0.1  # of an interval: a timer may be early by the resolution of the clock, and is not repeated then
 
 
 def next_beat(now: float, interval: float) -> float:
     """The next multiple of an interval, by the loop's clock, s."""
-    return (math.floor(now / interval + MARGIN) + 1) * interval
+    return (math.floor(now / interval + EARLY_SHARE) + 1) * interval
 
 
 async def beat(interval: float) -> None:

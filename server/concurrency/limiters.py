@@ -56,7 +56,6 @@ class TokenBuckets:
         return 0.0 if bucket is None else bucket.wait_s(now)
 
     def acquire(self, key: str, now: float) -> None:
-        """As TokenBucket.acquire."""
         bucket = self._buckets.setdefault(key, TokenBucket(self._per_s, self._at_once, now))
         bucket.acquire(now)
         self._buckets.move_to_end(key)

@@ -20,7 +20,7 @@ OVER_HINT = (
     "Use fewer outputs or lower rates (“Fit to link” proposes some), or set the line to a higher baud rate first."
 )
 LIMIT_HINT = "Give it the rate that it had; fewer outputs or a faster line do not help."
-_MORE = 1.000_001
+_LOAD_TOLERANCE = 1.000_001
 
 
 def overload(present: DevicePresentState, changes: Mapping[str, Values]) -> str:
@@ -53,7 +53,7 @@ def overload_error(present: DevicePresentState, changes: Mapping[str, Values]) -
     if broken:
         return DomainError("bad-value", broken[0], LIMIT_HINT)
     share = _share(after)
-    if share <= 1 or (before is not None and share <= _share(before) * _MORE):
+    if share <= 1 or (before is not None and share <= _share(before) * _LOAD_TOLERANCE):
         return None
     rate = f" ({group(after.baud)} Bd)" if after.baud else ""
     return DomainError("too-much", f"The outputs need {max(100.1, 100 * share):.1f} % of the link{rate}.", OVER_HINT)

@@ -336,6 +336,5 @@ def _keyed_rows(
 
 
 def _by_quantity(key: Field, entries: Entries) -> dict[int, Mapping[str, Any]]:
-    """The records that are on, by quantity."""
     on = [entry for entry in entries if entry.get(key.name) and entry_value(entry) != OFF]
     return {int(entry[key.name]) & key.key_mask: entry for entry in on}

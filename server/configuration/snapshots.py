@@ -54,7 +54,7 @@ from imuscope.server.configuration.api_models import SnapshotBody, SnapshotInfo
 from imuscope.server.configuration.value_format import comment, entry_comment
 
 FORMAT = 1
-RECENT = 20  # newest snapshots that are searched for an earlier value; reading all would take seconds
+MAX_SEARCHED = 20  # newest snapshots that are searched for an earlier value; reading all would take seconds
 MAX_FILES = 200  # of one device; the oldest that are not pinned are deleted first
 MAX_TITLE = 120
 _PLAIN_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*\Z")
@@ -275,7 +275,7 @@ class Snapshots:
     def describe(self, protocol: str, serial_number: str) -> Iterator[Mapping[str, Mapping[str, Any]]]:
         """Values that the device reported here: those of its newest snapshots, then of older pinned ones."""
         infos = self.all(protocol, serial_number)
-        for info in [*infos[:RECENT], *(one for one in infos[RECENT:] if one.pinned)]:
+        for info in [*infos[:MAX_SEARCHED], *(one for one in infos[MAX_SEARCHED:] if one.pinned)]:
             with suppress(SnapshotError, KeyError):
                 snapshot = self.get(protocol, serial_number, info.name)
                 if not snapshot.imported:

@@ -30,7 +30,7 @@ MAX_A_SECOND = 40  # unsolicited answers
 STREAMED = ("ForwardGnssDataAck",)  # corrections are sent continuously; they are counted on their own panel
 HEX_BYTES = 2048  # of a frame, shown
 SHOWN_VALUES = 4
-LONGEST = 160
+MAX_TEXT_CHARS = 160
 
 Decode = Callable[[bytes], Mapping[str, Any] | None]
 """The first frame of some bytes: "message", "fields" and "size"; None if there is none."""
@@ -222,7 +222,7 @@ def values_text(values: Mapping[str, Any], fields: Sequence[Field] = ()) -> str:
         if not name.startswith("reserved")
     ]
     text = ", ".join(parts[:SHOWN_VALUES]) + (" …" if len(parts) > SHOWN_VALUES else "")
-    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
+    return text if len(text) <= MAX_TEXT_CHARS else text[: MAX_TEXT_CHARS - 1] + "…"
 
 
 def _meaning(choices: Mapping[int, str] | None, value: Any) -> str:

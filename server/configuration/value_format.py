@@ -19,10 +19,10 @@ from imuscope.protocols.schema.flag_words import unknown_bits
 from imuscope.protocols.schema.labels import constant_label, device_label
 from imuscope.protocols.schema.shown_values import meant, signed_number
 
-LONGEST = 120
+MAX_TEXT_CHARS = 120
 IN_DEGREES = {"rad": "°", "rad/s": "°/s", "rad/s/°C": "°/s/°C"}
 OFF = "off"  # a quantity that a list of outputs does not have
-DIGITS = 7  # of a float32
+FLOAT32_DIGITS = 7
 MAX_VALUE = 1e300  # above any device value; arithmetic fails beyond it, and an uploaded file may contain such values
 _WHOLE = re.compile(r"-?\d{1,20}\Z")
 
@@ -77,7 +77,7 @@ def _one(field: Field, value: Any) -> str:
     if field.scale == 1 and not field.bias and isinstance(value, int):
         return str(value)
     shown = value * field.scale + field.bias
-    return f"{shown:.{field.decimals}f}" if field.decimals >= 0 else f"{shown:.{DIGITS}g}"
+    return f"{shown:.{field.decimals}f}" if field.decimals >= 0 else f"{shown:.{FLOAT32_DIGITS}g}"
 
 
 def flags(field: Field, word: int) -> str:
@@ -228,4 +228,4 @@ def entry_comment(fields: Sequence[Field], entry: Mapping[str, Any]) -> str:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
+    return text if len(text) <= MAX_TEXT_CHARS else text[: MAX_TEXT_CHARS - 1] + "…"

@@ -48,10 +48,10 @@ RULES = "70-imuscope.rules"
 UDEV = f"imuscope doctor --udev-rule | sudo tee /etc/udev/rules.d/{RULES}"
 RELOAD = "sudo udevadm control --reload && sudo udevadm trigger --action=add"
 LITTLE_FREE, SOME_FREE = 500e6, 5e9  # bytes; an hour of a 2 kHz device is 500 MB
-SLOW_SYNC_S, SYNCS = 0.2, 5  # the recorder forces its file once a second
+SLOW_SYNC_S, MEASURED_SYNCS = 0.2, 5  # the recorder forces its file once a second
 LITTLE_MEMORY = 700e6  # bytes: history (256 MB), the server itself, an export beside it
 STEP_S = 0.05
-OLD = 1_700_000_000  # unix s; a clock before that was never set
+CLOCK_SET_S = 1_700_000_000  # unix s; a clock before that was never set
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies", "pit")
 VOLATILE = ("tmpfs", "ramfs", "overlay")
 
@@ -257,7 +257,7 @@ def _sync_time(folder: Path) -> float:
 
     times = []
     with tempfile.NamedTemporaryFile(dir=folder, prefix=".imuscope-doctor-") as file:
-        for _ in range(SYNCS):
+        for _ in range(MEASURED_SYNCS):
             began = time.monotonic()
             file.write(bytes(65_536))
             file.flush()
@@ -285,7 +285,7 @@ def clock(machine: Machine, offset: float) -> Iterator[Finding]:
         offset: wall minus steady clock, some time ago, s.
     """
     now = machine.wall()
-    if now < OLD:
+    if now < CLOCK_SET_S:
         todo = ("sudo timedatectl set-ntp true", "without a network: sudo date -s '2026-11-21 08:30:00'")
         yield Finding("problem", "clock", f"It says {time.strftime('%Y-%m-%d', time.gmtime(now))}: never set.", todo)
         return

@@ -58,7 +58,7 @@ SWITCH_S = 0.001  # longest wait of a reading thread for a busy loop, per datagr
 NOT_SENT_BYTES = 64 * 1024  # precedent: HTTP/2 servers, so that priorities stay meaningful
 MAX_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
 MAX_PINGS = 20  # WebSocket pings per second; a browser sends none, a library one in twenty seconds
-QUEUE = 2048  # connections that the system holds until they are accepted
+ACCEPT_QUEUE = 2048  # connections that the system holds until they are accepted
 ACCEPTED_AT_ONCE = 16  # for some turns of the loop before one is read: in a flood it would be the one idle longest
 MAX_FRAGMENTS = 1024  # of one message; an empty one adds nothing to its size, and still takes memory
 REPORTED = ("Invalid HTTP request received.", "Invalid UTF-8 sequence received from client.")
@@ -270,7 +270,7 @@ class Server(uvicorn.Server):
         with ending.waiting_for("the start"):
             await super().startup(sockets)
         for one in sockets or ():
-            one.listen(QUEUE)  # asyncio has set it to ACCEPTED_AT_ONCE
+            one.listen(ACCEPT_QUEUE)  # asyncio has set it to ACCEPTED_AT_ONCE
         if not self.should_exit:
             if self._keeper is not None:
                 self._certificate_task = asyncio.create_task(watch_certificate(self._keeper), name="certificate")
@@ -343,7 +343,7 @@ def listen(host: str, port: int) -> socket.socket:
         if family == socket.AF_INET6 and host in ("::", ""):
             listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
         listener.bind(address)
-        listener.listen(QUEUE)
+        listener.listen(ACCEPT_QUEUE)
     except OSError:
         listener.close()
         raise

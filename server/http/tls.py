@@ -40,7 +40,7 @@ from imuscope.server.settings.config import Config, ConfigError
 
 FOLDER = "tls"
 CIPHERS = "ECDHE+AESGCM:ECDHE+CHACHA20"  # of TLS 1.2: forward secrecy, and no CBC; TLS 1.3 has no others
-DAYS = 730  # Apple rejects certificates that are valid for more than 825 days
+CERTIFICATE_DAYS = 730  # Apple rejects certificates that are valid for more than 825 days
 RENEW_DAYS = 60  # before expiry: a robot may be offline for a season
 ALWAYS = ("localhost", "127.0.0.1", "::1")
 LONGEST_NAME = 253  # of a host (RFC 1035 §2.3.4)
@@ -234,7 +234,7 @@ def _certificate(secret: ec.EllipticCurvePrivateKey, names: Iterable[str]) -> x5
         .public_key(public)
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - datetime.timedelta(days=1))  # clocks differ
-        .not_valid_after(now + datetime.timedelta(days=DAYS))
+        .not_valid_after(now + datetime.timedelta(days=CERTIFICATE_DAYS))
         .add_extension(x509.SubjectAlternativeName(alternatives), critical=False)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(x509.KeyUsage(digital_signature=True, **usage), critical=True)

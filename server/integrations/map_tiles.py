@@ -18,7 +18,7 @@ from imuscope.server.version import VERSION
 
 MAX_BYTES = 1 << 20  # of one tile; usual ones have some tens of kB
 KEPT_BYTES = 32 << 20
-AT_ONCE = 4
+MAX_REQUESTS = 4
 TIMEOUT_S = 10.0
 KINDS = ("image/png", "image/jpeg", "image/webp")
 
@@ -37,7 +37,7 @@ class TileSource:
         self.settings = settings
         self._cached: OrderedDict[tuple[int, int, int], Tile] = OrderedDict()
         self._kept_bytes = 0
-        self._slots = asyncio.Semaphore(AT_ONCE)
+        self._slots = asyncio.Semaphore(MAX_REQUESTS)
 
     async def tile(self, z: int, x: int, y: int) -> Tile:
         """Get one tile.

@@ -29,8 +29,8 @@ from imuscope.server.integrations.viewer_process import ViewError
 
 OPEN_S = 10.0
 STUCK_S = 20.0
-RESTARTING, FAILED = 1012, 1011  # codes of a closed WebSocket (IANA registry)
-GOING, LOST = 1001, 1006  # closed by a viewer that ends, and connection lost
+SERVICE_RESTART, INTERNAL_ERROR = 1012, 1011  # codes of a closed WebSocket (IANA registry)
+GOING_AWAY, ABNORMAL_CLOSURE = 1001, 1006  # closed by a viewer that ends, and connection lost
 
 # A viewer's page may do what its own code needs, but connect to this server only.
 VIEWER_POLICY = (
@@ -149,10 +149,10 @@ async def _pump(
         transport.abort()
     elif not up.cancelled() and isinstance(up.exception(), _TooLargeError):
         await _close(browser, 1009, "too large")
-    elif viewer.close_code in (None, GOING, LOST):
-        await _close(browser, RESTARTING, "the viewer has ended")
+    elif viewer.close_code in (None, GOING_AWAY, ABNORMAL_CLOSURE):
+        await _close(browser, SERVICE_RESTART, "the viewer has ended")
     else:
-        await _close(browser, FAILED, "the viewer has ended this connection")
+        await _close(browser, INTERNAL_ERROR, "the viewer has ended this connection")
 
 
 async def _close(browser: WebSocket, code: int, reason: str) -> None:

@@ -107,7 +107,7 @@ class ViewerClient:
             self._names = {one["id"]: self._name_of(one, time.monotonic()) for one in self.devices}
             self.announced = [{**one, "name": self._names[one["id"]][0]} for one in self.devices]
             there = {one["id"] for one in self.devices}
-            for number in [id for id, info in self.channels.items() if info["device"] not in there]:
+            for number in [number for number, info in self.channels.items() if info["device"] not in there]:
                 del self.channels[number]
         elif message["op"] == "channels":
             for info in message["channels"]:

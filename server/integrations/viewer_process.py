@@ -7,7 +7,7 @@
     server's side of the view <── stdout:      JSON lines
 
 So it receives the messages of a browser, and the same rules apply: data that it does not accept waits in its own send
-queue, where the oldest samples are dropped; it cannot slow a device. Samples are sent at most `PER_S` times a second,
+queue, where the oldest samples are dropped; it cannot slow a device. Samples are sent `FRAMES_PER_S` times at most,
 regardless of the device's rate: a viewer does not draw more often, and one with playout needs less. They are not
 decoded more often either, because decoding 125 times a second, as for a browser, would cost more than all the rest.
 
@@ -40,8 +40,8 @@ from imuscope.server.system.workers import Worker
 
 HEAD = struct.Struct("<IB")
 TEXT, SAMPLES, OURS = 0, 1, 2
-PER_S = 60.0
-EARLY = 0.95  # share of the interval: samples are decoded a little sooner than sent, so that some are always available
+FRAMES_PER_S = 60.0
+INTERVAL_SHARE = 0.95  # samples are decoded a little sooner than sent, so that some are always available
 STOP_S = 0.8  # from the end of its input until it is killed; it has no data that could be lost
 LAST_LINES = 6  # lines of its standard error that are reported after a crash
 
@@ -72,7 +72,7 @@ class ViewerProcess:
         module: str,
         on_message: Callable[[Mapping[str, Any]], None],
         on_crash: Callable[[str], None],
-        per_s: float = PER_S,
+        per_s: float = FRAMES_PER_S,
         *,
         draws: bool = True,
     ) -> None:
@@ -188,7 +188,7 @@ class ViewerProcess:
 
     def _subscribe(self, channels: list[int], past: set[int], history: float) -> None:
         """Subscribe, with history of some channels only: a track needs its past, an attitude does not."""
-        self._queue.interval_s = EARLY * self._pause_s if channels else UNWATCHED_S
+        self._queue.interval_s = INTERVAL_SHARE * self._pause_s if channels else UNWATCHED_S
         self._clients.subscribe(self._queue, wire.Subscribe(history, channels), past)
 
     async def _watch_output(self, worker: Worker) -> None:
@@ -232,7 +232,6 @@ class KeptProcess:
         return None if self._process is None else self._process.pid
 
     def start(self) -> None:
-        """Start in the background."""
         self._task = asyncio.create_task(self._keep_running(), name="kept process")
 
     async def close(self) -> None:

@@ -41,13 +41,13 @@ from imuscope.server.system.workers import Worker
 log = logging.getLogger("imuscope.columns")
 
 KEPT_OPEN = 16
-AT_ONCE = (
+MAX_DECODING = (
     2  # recordings decoded at a time: each may use a large part of the memory (recordings/system/resource_limits.py)
 )
 CACHE_BYTES = 20 << 30
 SHARE_OF_DISK = 4  # the cache takes at most one part in so many of what the disk has besides
 WAIT_SHARE = 5  # opening may take so many times the processor time that it may take
-ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened
+OPEN_ATTEMPTS = 3  # a file may be compacted, and so replaced, while it is opened
 SPARE_S = 120.0  # lifetime of a process started in advance
 FAILED_FOR_S = 5.0  # an error is returned again for this long before another attempt
 CACHE = "cache"
@@ -93,7 +93,7 @@ class ColumnCache:
         self._usual = dict(usual.values)
         self._open: OrderedDict[Path, ColumnStore] = OrderedDict()
         self._opening: dict[Path, DecodeJob] = {}
-        self._slots = asyncio.Semaphore(AT_ONCE)
+        self._slots = asyncio.Semaphore(MAX_DECODING)
         self._spare: Worker | None = None
         self._spare_ends: asyncio.TimerHandle | None = None
         self._preparing = False
@@ -143,7 +143,7 @@ class ColumnCache:
             KeyError: unknown recording.
             RecordingError: it cannot be opened.
         """
-        for _ in range(ATTEMPTS):
+        for _ in range(OPEN_ATTEMPTS):
             store = self.open(recording)
             if isinstance(store, ColumnStore):
                 return store

@@ -19,7 +19,7 @@ from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.system.workers import Worker
 
 log = logging.getLogger("imuscope.packer")
-BATCH = 32  # recordings for one process
+RECORDINGS_PER_PROCESS = 32  # recordings for one process
 
 
 class CompactionWorker:
@@ -68,7 +68,7 @@ class CompactionWorker:
         while self._waiting:
             before = len(self._waiting)
             try:
-                await self._pack(list(islice(self._waiting, BATCH)))
+                await self._pack(list(islice(self._waiting, RECORDINGS_PER_PROCESS)))
             except OSError as error:
                 log.warning("Recordings could not be compacted: %s", error)
             if self._waiting and len(self._waiting) >= before:  # the process crashed on the first one

@@ -36,7 +36,7 @@ log = logging.getLogger("imuscope.exports")
 FOLDER = "exports"
 LAST_DATE = 253_402_300_800.0  # the year 10000
 MAX_RESULTS = 50
-SHARE = 4  # results take at most 1/SHARE of the disk space that is free without them; the newest stays in any case
+FREE_SPACE_DIVISOR = 4  # results take at most this part of the space free without them; the newest always stays
 KEPT_S = 86_400.0
 MAX_WAITING = 20
 PROGRESS_INTERVAL_S = 0.25  # between two progress reports
@@ -293,7 +293,7 @@ class ExportJobs:
         """Delete the oldest results until the rest leaves enough space for recordings."""
         results = [job for job in self._jobs.values() if job.published.state == "done"]
         total = sum(job.published.size for job in results)
-        room = (shutil.disk_usage(self._folder).free + total) // SHARE
+        room = (shutil.disk_usage(self._folder).free + total) // FREE_SPACE_DIVISOR
         for job in results[:-1]:
             if total <= room:
                 return

@@ -26,8 +26,8 @@ from imuscope.server.library.export_worker import one_file, request_of
 from imuscope.server.system.worker_process import begin
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)
-WHOLE = 12_000  # rows of channels up to which everything is written
-SAMPLE = 6_000  # rows of channels in the first sample
+MAX_WHOLE_ROWS = 12_000  # rows of channels up to which everything is written
+SAMPLE_ROWS = 6_000  # rows of channels in the first sample
 
 
 def sizes(request: ExportRequest, folder: Path) -> dict[str, int]:
@@ -40,17 +40,17 @@ def sizes(request: ExportRequest, folder: Path) -> dict[str, int]:
     total = _rows(request)
     if total == 0:
         return {}
-    samples = [request] if total <= WHOLE else _samples(request, total)
+    samples = [request] if total <= MAX_WHOLE_ROWS else _samples(request, total)
     counts = [_rows(one) for one in samples]
     by_format: dict[str, int] = {}
-    for format in SAMPLED:
+    for export_format in SAMPLED:
         with contextlib.suppress(RecordingError):
-            first, *more = [_written(format, one, folder) for one in samples]
+            first, *more = [_written(export_format, one, folder) for one in samples]
             if more and counts[1] > counts[0]:
                 per_row = max(0.0, more[0] - first) / (counts[1] - counts[0])
-                by_format[format] = round(more[0] + per_row * (total - counts[1]))
+                by_format[export_format] = round(more[0] + per_row * (total - counts[1]))
             else:
-                by_format[format] = round(first * total / max(1, counts[0]))
+                by_format[export_format] = round(first * total / max(1, counts[0]))
     return by_format
 
 
@@ -71,7 +71,7 @@ def _samples(request: ExportRequest, total: int) -> list[ExportRequest]:
     """Two time ranges around the middle, the second twice as long as the first."""
     first, last = request.columns.span(base=request.base) or (0.0, 0.0)
     first, last = max(first, request.t0), min(last, request.t1)
-    middle, half = (first + last) / 2, (last - first) / 2 * SAMPLE / total
+    middle, half = (first + last) / 2, (last - first) / 2 * SAMPLE_ROWS / total
     return [replace(request, t0=middle - half * times, t1=middle + half * times) for times in (1, 2)]
 
 
@@ -80,9 +80,9 @@ def _rows(request: ExportRequest) -> int:
     return sum(past - at for at, past in (request.rows(info["id"]) for info in request.infos))
 
 
-def _written(format: str, request: ExportRequest, folder: Path) -> int:
+def _written(export_format: str, request: ExportRequest, folder: Path) -> int:
     with tempfile.TemporaryDirectory(dir=folder) as name:
-        files = export(format, request, Path(name) / f"sample{FORMATS[format].suffix}")
+        files = export(export_format, request, Path(name) / f"sample{FORMATS[export_format].suffix}")
         return one_file(files, Path(name), "sample-zip").stat().st_size
 
 

@@ -32,7 +32,7 @@ USED = (
     "imuscope.server.library.packets",
 )
 KILLED_S = 1  # from the end of its processor time to the end of the process
-PIECE = 1 << 18
+PIECE_BYTES = 1 << 18
 MOST_WORDS = 1000  # characters of a sentence, which may quote the file
 
 
@@ -65,7 +65,7 @@ def _answer(receive: Callable[[], Any]) -> JobAnswer:
 
 
 def _written(function: Callable[..., None], call: FileCall, send: Callable[[bytes], None]) -> Mapping[str, Any]:
-    out = io.BufferedWriter(_Pieces(send), PIECE)
+    out = io.BufferedWriter(_Pieces(send), PIECE_BYTES)
 
     def write() -> None:
         function(*call.arguments, cast(BinaryIO, out))

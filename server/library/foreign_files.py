@@ -34,8 +34,8 @@ IDLE_S = 60.0
 QUICK_S = 4  # of a processor, for a file without size: an intact one takes a tenth
 PROBE_S = 0.1  # more for each further file
 WAIT_SHARE, WAIT_S = 4, 10  # a call may take so many times its processor time, and so much more
-AT_ONCE, EACH, WAITING_EACH = 3, 2, 32
-DOWNLOADS = 8  # at once: most of their time they wait for their clients
+MAX_RUNNING, RUNNING_EACH, WAITING_EACH = 3, 2, 32
+MAX_DOWNLOADS = 8  # at once: most of their time they wait for their clients
 PROBED_AT_ONCE = 64  # files
 MAX_ANSWER = 1 << 20  # bytes that the server takes apart: some 10 ms
 MAX_PASSED = 16 << 20  # bytes that it passes on
@@ -71,8 +71,8 @@ class ForeignFiles:
     def __init__(self, module: str = MODULE) -> None:
         self._forks = ForkServer(module, idle_s=IDLE_S)
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._queue = FairQueue(AT_ONCE, EACH, WAITING_EACH)
-        self._downloads = FairQueue(DOWNLOADS, DOWNLOADS // 2, WAITING_EACH)
+        self._queue = FairQueue(MAX_RUNNING, RUNNING_EACH, WAITING_EACH)
+        self._downloads = FairQueue(MAX_DOWNLOADS, MAX_DOWNLOADS // 2, WAITING_EACH)
 
     async def call(self, function: str, *arguments: object, returns: type[T] | Any, user: str = "") -> T:
         """Call a function; returns its result.
@@ -94,7 +94,6 @@ class ForeignFiles:
         return value
 
     async def json(self, function: str, *arguments: object, user: str = "", most: int = MAX_PASSED) -> bytes:
-        """As `call`, as JSON."""
         call = _call(function, arguments)
         async with self._turn(call, user):
             facts, body = await self._forks.run(call)

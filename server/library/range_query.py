@@ -209,7 +209,7 @@ def table_of(answer: QueryResult) -> dict[str, tuple[Array, str]]:
     return out
 
 
-PIECE = 4096  # rows encoded at once: a piece delays the threads of live devices by a few ms
+PIECE_ROWS = 4096  # rows encoded at once: a piece delays the threads of live devices by a few ms
 
 
 def arrow_of(answer: QueryResult) -> Iterator[bytes]:
@@ -228,8 +228,8 @@ def arrow_of(answer: QueryResult) -> Iterator[bytes]:
     schema = pa.schema(fields, metadata=about)
     sink = io.BytesIO()
     with pa.ipc.new_stream(sink, schema) as writer:
-        for at in range(0, len(answer.rows), 16 * PIECE):
-            rows = [pa.array(values[at : at + 16 * PIECE]) for values, _ in table.values()]
+        for at in range(0, len(answer.rows), 16 * PIECE_ROWS):
+            rows = [pa.array(values[at : at + 16 * PIECE_ROWS]) for values, _ in table.values()]
             writer.write_batch(pa.record_batch(rows, schema=schema))
             yield _emptied(sink)
     yield _emptied(sink)
@@ -257,8 +257,8 @@ def json_of(answer: QueryResult) -> Iterator[bytes]:
     yield _json(body)[:-1] + b',"columns":{'
     for number, (name, (values, _)) in enumerate(table.items()):
         yield (b"," if number else b"") + _json(name) + b":["
-        for at in range(0, len(values), PIECE):
-            yield (b"," if at else b"") + _json(_plain(values[at : at + PIECE]))[1:-1]
+        for at in range(0, len(values), PIECE_ROWS):
+            yield (b"," if at else b"") + _json(_plain(values[at : at + PIECE_ROWS]))[1:-1]
         yield b"]"
     yield b"}}"
 

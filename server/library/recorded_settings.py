@@ -27,7 +27,7 @@ from imuscope.server.configuration.value_format import (
 from imuscope.server.library.api_models import RecordedSetting, RecordedSettings, SettingRow
 
 OTHERS = "Others"
-_LISTED = 40  # elements of a list that are shown one by one
+_MAX_LISTED = 40  # elements of a list that are shown one by one
 
 
 def settings_of(snapshot: Mapping[str, Any]) -> RecordedSettings:
@@ -84,14 +84,14 @@ def _list(field: Field, entries: list[Any]) -> Iterator[SettingRow]:
     title = field.title or spaced(field.name)
     if not entries:
         yield SettingRow(title, "none")
-    for place, entry in enumerate(entries[:_LISTED]):
+    for place, entry in enumerate(entries[:_MAX_LISTED]):
         texts = [
             f"{titled(title_at(field.fields, path))} {words(one, value)}"
             for path, one, value in flat(field.fields, entry)
         ]
         yield SettingRow(f"{title} {place + 1}", entry_comment(field.fields, entry) or ", ".join(texts))
-    if len(entries) > _LISTED:
-        yield SettingRow(title, f"and {len(entries) - _LISTED} more")
+    if len(entries) > _MAX_LISTED:
+        yield SettingRow(title, f"and {len(entries) - _MAX_LISTED} more")
 
 
 def _unchanged(values: Mapping[str, Any]) -> Iterator[SettingRow]:
@@ -103,7 +103,7 @@ def _plain(value: Any) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{spaced(str(name)).lower()} {_plain(one)}" for name, one in value.items())
     if isinstance(value, list):
-        return ", ".join(_plain(one) for one in value[:_LISTED]) or "none"
+        return ", ".join(_plain(one) for one in value[:_MAX_LISTED]) or "none"
     return "none" if value is None else str(value)
 
 

@@ -29,13 +29,13 @@ FIRST_S, LONGEST_S = 5.0, 300.0
 CHECK_S = 1.0
 OVERLAP_S = 1.0  # of two files: the bytes that were to be written when the disk was full
 LASTS_S = 600.0  # a recording that is longer was not a failed attempt
-SHARE, MOST_BYTES = 20, 500 * 10**6
+FREE_SPACE_DIVISOR, MAX_FREE_BYTES = 20, 500 * 10**6
 """One part in so many of the disk has to be free, and no more than so much."""
 
 
 def room_for(total: int) -> int:
     """Bytes that have to be free on a disk of this size."""
-    return min(total // SHARE, MOST_BYTES)
+    return min(total // FREE_SPACE_DIVISOR, MAX_FREE_BYTES)
 
 
 class StandingRecording:

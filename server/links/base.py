@@ -49,10 +49,10 @@ from imuscope.server.wire import Attempt
 
 __all__ = ["Attempt", "Chunk", "ErrorKind", "Link", "LinkError", "LinkSettings", "Progress", "steady_clock"]
 
-AT_ONCE = 1 << 16
+READ_BYTES = 1 << 16
 MAX_HELD = 8 << 20  # bytes queued for decoding: some ten seconds of the fastest serial line
 CHUNK_COST = 128  # overhead of a chunk in memory and work, in bytes
-SESSION, RECORDING = 0, 1  # positions in Flow.deadlines
+SESSION_DEADLINE, RECORDING_DEADLINE = 0, 1  # positions in Flow.deadlines
 
 ErrorKind = Literal["gone", "denied", "busy", "full", "refused", "not-found", "bad-source", "ended"]
 Progress = Callable[[Attempt], None]
@@ -159,7 +159,7 @@ class Flow:
             taken the bytes; 0 if it is to be woken; NEVER if it needs none.
     """
 
-    at_once: int = AT_ONCE
+    at_once: int = READ_BYTES
     keep_datagrams: bool = True
     arrivals: CallbackList[[Sequence[Chunk]]] = field(default_factory=CallbackList)
     dropped: int = 0

@@ -33,7 +33,7 @@ from imuscope.server.links.text import progress_line
 FULL_BYTES = 1 << 20  # queued bytes at which playing waits, because the session is too slow
 EXAMINED_BYTES = 1 << 18
 AT_ONCE_BYTES = 1 << 24  # examined within a tenth of a second; a larger file is examined while it plays
-SPEEDS = (0.01, 1000.0)
+SPEED_RANGE = (0.01, 1000.0)
 TURN_S = 0.1  # between two passes of a loop, so that plotted lines break there
 
 

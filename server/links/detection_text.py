@@ -11,8 +11,8 @@ from imuscope.server.links.text import grouped
 
 # A checksum matches by chance about once in 10^7 bytes of noise, so a third of the bytes in frames is certain. The
 # limit is not higher because text (NMEA) counts half, and the first and last received frames may be incomplete.
-RECOGNISED = 0.3
-CERTAIN = 0.8  # listening longer would not improve the result
+MIN_FRAME_SHARE = 0.3
+CERTAIN_FRAME_SHARE = 0.8  # listening longer would not improve the result
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +35,11 @@ class DetectionResult:
 
     @property
     def recognised(self) -> bool:
-        return self.score >= RECOGNISED
+        return self.score >= MIN_FRAME_SHARE
 
     @property
     def certain(self) -> bool:
-        return self.score >= CERTAIN
+        return self.score >= CERTAIN_FRAME_SHARE
 
     @property
     def words(self) -> str:

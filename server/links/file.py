@@ -1,7 +1,7 @@
 """Files as sources: a recording is replayed, a pipe is read as a stream, anything else is played as a capture."""
 
 from imuscope.server.links.base import Link, LinkSettings
-from imuscope.server.links.capture_file import SPEEDS, FileLink
+from imuscope.server.links.capture_file import SPEED_RANGE, FileLink
 from imuscope.server.links.pipe import PipeLink, is_pipe
 from imuscope.server.links.registry import LinkDefinition, register_link
 from imuscope.server.links.replay import OPTIONS, ReplayLink, is_recording
@@ -16,7 +16,7 @@ def _open(source: str, settings: LinkSettings, parsed: SourceUrl) -> Link:
         parsed.allow(())
         return PipeLink(source, settings, parsed.place)
     parsed.allow(("speed", "loop"))
-    return FileLink(source, settings, parsed.place, parsed.number("speed", 1, *SPEEDS), parsed.switch("loop"))
+    return FileLink(source, settings, parsed.place, parsed.number("speed", 1, *SPEED_RANGE), parsed.switch("loop"))
 
 
 register_link(

@@ -56,7 +56,7 @@ SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 OWN_PATH = "/foxglove"  # of another imuscope
 PATHS = ("/", OWN_PATH)
 TOKEN = "IMUSCOPE_FOXGLOVE_TOKEN"
-LARGEST = 64 << 20  # bytes of a message; images and clouds are not subscribed to
+MAX_MESSAGE_BYTES = 64 << 20  # bytes of a message; images and clouds are not subscribed to
 PING_S = 5.0
 CLOSE_S = 1.0  # for the server to answer the closing of the connection
 CLOSING_TURNS = 8  # of the event loop, in which a connection that was broken off releases its socket
@@ -197,7 +197,7 @@ class FoxgloveLink(MessageLink):
     def _closed_text(self, closed: Exception) -> str:
         code = getattr(getattr(closed, "sent", None), "code", 0)
         if code == 1009:
-            return f"{self.where.place} sent a message of more than {LARGEST >> 20} MB."
+            return f"{self.where.place} sent a message of more than {MAX_MESSAGE_BYTES >> 20} MB."
         return f"The connection to {self.where.place} broke."
 
     async def _connect(self) -> ClientConnection:
@@ -219,7 +219,7 @@ class FoxgloveLink(MessageLink):
                     f"ws://{host}:{self.where.port}{path}",
                     subprotocols=[Subprotocol(name) for name in SUBPROTOCOLS],
                     compression=None,
-                    max_size=LARGEST,
+                    max_size=MAX_MESSAGE_BYTES,
                     proxy=None,
                     ping_interval=PING_S,
                     ping_timeout=PING_S,

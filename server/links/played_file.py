@@ -139,7 +139,6 @@ class PlayedFile:
             self._line.shutdown(socket.SHUT_RDWR)
 
     async def end(self) -> None:
-        """End its process."""
         self.cut()
         self._received.close()
         self._line.close()

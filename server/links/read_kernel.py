@@ -19,7 +19,7 @@ from imuscope.protocols.native.kernels import INT, INTS, ArrayType, LibraryFunct
 
 ROOM_BYTES = 1 << 12  # a tty returns at most so much at once
 SECOND_NS = 1_000_000_000
-_STOPPED = 7  # revents of the second of two
+_STOP_REVENTS = 7  # revents of the second of two
 _MONOTONIC = time.CLOCK_MONOTONIC
 _SHORTS, _BUFFER = ArrayType("int16", 1), ArrayType("uint8", 1)
 
@@ -67,7 +67,7 @@ def gather(
             timespec[0] = wait_ns // SECOND_NS
             timespec[1] = wait_ns % SECOND_NS
             timeout = timespec.ctypes.data
-        if ppoll(polled.ctypes.data, 2, timeout, 0) <= 0 or polled[_STOPPED] != 0:
+        if ppoll(polled.ctypes.data, 2, timeout, 0) <= 0 or polled[_STOP_REVENTS] != 0:
             return 0
         count = read(fd, buffer.ctypes.data + size, len(buffer) - size)
         if count <= 0:

@@ -29,11 +29,11 @@ import numpy as np
 
 from imuscope.protocols.arrays import Ints
 from imuscope.recordings.mcap.read_memory import BUFFER_BYTES, MAX_READS, NEVER, READ_COUNT, ReadFollower, ReadMemory
-from imuscope.server.links.base import RECORDING, Chunk
+from imuscope.server.links.base import RECORDING_DEADLINE, Chunk
 from imuscope.server.links.read_kernel import ROOM_BYTES, SECOND_NS, gather, promise
 
 MAX_MEMORIES = 4096  # 256 MB
-COMPARISONS = 5  # of two clocks
+CLOCK_COMPARISONS = 5  # of two clocks
 
 _POLLED = np.dtype([("fd", "i4"), ("events", "i2"), ("revents", "i2")])  # struct pollfd, as four int16
 
@@ -120,7 +120,7 @@ class ReadLoop:
         """End the follower, after all earlier reads were taken."""
         if self.follower is not None:
             follower, self.follower = self.follower, None
-            self._deadlines[RECORDING] = NEVER
+            self._deadlines[RECORDING_DEADLINE] = NEVER
             follower.extend(self._take_count, None)
             follower.wake()
 
@@ -131,16 +131,16 @@ class ReadLoop:
 
     def wake_follower(self) -> None:
         """Wake the follower if it wants that, in the reading thread."""
-        if self.follower is not None and not self._deadlines[RECORDING]:
-            self._deadlines[RECORDING] = NEVER
+        if self.follower is not None and not self._deadlines[RECORDING_DEADLINE]:
+            self._deadlines[RECORDING_DEADLINE] = NEVER
             self.follower.wake()
 
     def _sleep(self, follower: ReadFollower) -> bool:
         memory = follower.memories[-1]
-        count = promise(self._deadlines, RECORDING, 0, memory.state)
+        count = promise(self._deadlines, RECORDING_DEADLINE, 0, memory.state)
         if len(follower.memories) == 1 and count == follower.take_count and follower is self.follower:
             return True
-        self._deadlines[RECORDING] = NEVER
+        self._deadlines[RECORDING_DEADLINE] = NEVER
         return False
 
     def _chunks(self, count: int) -> list[Chunk]:
@@ -159,7 +159,7 @@ class ReadLoop:
 def monotonic_offset_ns(now_ns: Callable[[], int]) -> int:
     """Difference of a clock to the monotonic one, from the quickest of some comparisons."""
     best, offset = math.inf, 0
-    for _ in range(COMPARISONS):
+    for _ in range(CLOCK_COMPARISONS):
         before = time.monotonic_ns()
         theirs = now_ns()
         spent = time.monotonic_ns() - before

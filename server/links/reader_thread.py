@@ -29,7 +29,7 @@ from collections.abc import Callable, Sequence
 
 from imuscope.protocols.arrays import Ints
 from imuscope.recordings.mcap.read_memory import ReadFollower
-from imuscope.server.links.base import CHUNK_COST, MAX_HELD, SESSION, Chunk, Link, LinkError
+from imuscope.server.links.base import CHUNK_COST, MAX_HELD, SESSION_DEADLINE, Chunk, Link, LinkError
 from imuscope.server.links.read_loop import ReadLoop
 
 log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class ChunkQueue:
         self._link = link
         self.source: ReadLoop | None = None
         self._deadlines = link.flow.deadlines
-        self._deadlines[SESSION] = 0  # the first bytes wake the loop
+        self._deadlines[SESSION_DEADLINE] = 0  # the first bytes wake the loop
         self.received = 0
         self._loop = asyncio.get_running_loop()
         self._ready = asyncio.Event()
@@ -116,7 +116,7 @@ class ChunkQueue:
         if now_ns < self._awaited_until_ns:
             wait_ns = self._last_wake_ns + ANSWER_NS - now_ns
         else:
-            wait_ns = (int(self._deadlines[SESSION]) or self._last_wake_ns + WAKE_NS) - now_ns
+            wait_ns = (int(self._deadlines[SESSION_DEADLINE]) or self._last_wake_ns + WAKE_NS) - now_ns
         if wait_ns > 0:
             return wait_ns / 1e9
         self._wake_loop()
@@ -141,7 +141,9 @@ class ChunkQueue:
         """Put what the loop has read, for the session, which will take again after `again_ns`."""
         if self.source is not None:
             with self._collecting:
-                if chunks := self.source.take_for(SESSION, again_ns and time.monotonic_ns() + again_ns + LATE_NS):
+                if chunks := self.source.take_for(
+                    SESSION_DEADLINE, again_ns and time.monotonic_ns() + again_ns + LATE_NS
+                ):
                     self.put_all(chunks)
 
     def follow(self) -> ReadFollower | None:
@@ -191,12 +193,12 @@ class ChunkQueue:
             again_ns = 0
         self.collect(again_ns)
         if not self._chunks:
-            self._deadlines[SESSION] = 0
+            self._deadlines[SESSION_DEADLINE] = 0
             return []
         with self._lock:
             chunks = self._take_some()
         self._last_wake_ns = now_ns
-        self._deadlines[SESSION] = again_ns and now_ns + again_ns + LATE_NS
+        self._deadlines[SESSION_DEADLINE] = again_ns and now_ns + again_ns + LATE_NS
         return chunks
 
     def _take_some(self) -> list[Chunk]:
@@ -223,7 +225,7 @@ class ChunkQueue:
     def expect_reply(self) -> None:
         """Wake the loop sooner for a while, because an answer is expected."""
         self._awaited_until_ns = time.monotonic_ns() + AWAITED_NS
-        self._deadlines[SESSION] = 0
+        self._deadlines[SESSION_DEADLINE] = 0
 
     @property
     def backlog(self) -> int:
@@ -242,7 +244,7 @@ class ChunkQueue:
         Raises:
             LinkError: the link is dead and drained.
         """
-        if not self._deadlines[SESSION]:  # a session that took by itself was not woken for the last bytes
+        if not self._deadlines[SESSION_DEADLINE]:  # a session that took by itself was not woken for the last bytes
             self.collect(0)
         while True:
             with self._lock:

@@ -79,6 +79,5 @@ def is_network(name: str) -> bool:
 
 
 def source_forms() -> str:
-    """Forms of sources, in one sentence."""
     *most, last = [one.form for one in link_kinds()]
     return f"Sources look like {', '.join(most)} or {last}."

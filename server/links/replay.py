@@ -23,7 +23,7 @@ from imuscope.recordings.mcap.records import MAGIC
 from imuscope.recordings.mcap.writer import is_simulated
 from imuscope.recordings.replay import ReplayClock
 from imuscope.server.links.base import Chunk, LinkError, LinkSettings, Progress
-from imuscope.server.links.capture_file import FULL_BYTES, SPEEDS, FileLink
+from imuscope.server.links.capture_file import FULL_BYTES, SPEED_RANGE, FileLink
 from imuscope.server.links.played_file import PlayedFile
 from imuscope.server.links.reader_thread import ChunkQueue
 from imuscope.server.links.source_url import SourceUrl, bad
@@ -94,7 +94,7 @@ class ReplayLink(FileLink):
     """
 
     def __init__(self, source: str, settings: LinkSettings, parsed: SourceUrl) -> None:
-        speed = parsed.number("speed", 1, *SPEEDS)
+        speed = parsed.number("speed", 1, *SPEED_RANGE)
         super().__init__(source, settings, parsed.place, speed, parsed.switch("loop"))
         self.device = parsed.options.get("device", "")
         self.begin_s = parsed.number("from", 0, 0, LONGEST_S, "s")

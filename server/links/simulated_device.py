@@ -13,7 +13,7 @@ from typing import Any
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.simulator.family import SimulatedDevice, SimulatorInfo, SimulatorOption, SimulatorRequest
 from imuscope.server.links.base import LinkError
-from imuscope.server.links.simulated_line import PACKET, LineFaults
+from imuscope.server.links.simulated_line import PACKET_BYTES, LineFaults
 from imuscope.server.links.source_url import SourceUrl, bad
 
 JUMP_S = 10.0
@@ -82,7 +82,7 @@ class SimulatorOptions:
                 drop=source.number("drop", 0, 0, 1),
                 corrupt=source.number("corrupt", 0, 0, 1),
                 burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
-                packet=source.whole("packet", PACKET, 0, 65_536, "bytes"),
+                packet=source.whole("packet", PACKET_BYTES, 0, 65_536, "bytes"),
                 baud=source.whole("baud", _fitting(family, family.bytes_per_s(rate, own)), 4800, 4_000_000, "Bd"),
                 dead_baud=source.whole("dead_baud", 0, 0, 4_000_000, "Bd") or None,
             ),

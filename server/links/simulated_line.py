@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from imuscope.protocols.registry.families import PROTOCOLS
 
-PACKET = 62
+PACKET_BYTES = 62
 
 
 class FtdiPacketizer:
@@ -33,7 +33,7 @@ class FtdiPacketizer:
         packet: number of buffered bytes that are sent at once; 0: always wait for the timer.
     """
 
-    def __init__(self, timer_ns: float, packet: int = PACKET) -> None:
+    def __init__(self, timer_ns: float, packet: int = PACKET_BYTES) -> None:
         self._timer_ns = timer_ns
         self._packet = packet or math.inf
         self._held = b""
@@ -81,7 +81,7 @@ class FtdiPacketizer:
         return packet
 
 
-BITS = 10  # start, eight data bits, stop
+BITS_PER_BYTE = 10  # start, eight data bits, stop
 FALLING = b"\1\0"  # of the levels of two bits
 
 _LEVELS = [bytes([0, *(byte >> bit & 1 for bit in range(8)), 1]) for byte in range(256)]
@@ -105,7 +105,7 @@ def misread_at(data: bytes, sender_baud: int, receiver_baud: int) -> bytes:
     if sender_baud == receiver_baud or not data:
         return data
     line = b"".join([_LEVELS[byte] for byte in data])
-    size = BITS * len(data)
+    size = BITS_PER_BYTE * len(data)
     received = bytearray()
     step = sender_baud / receiver_baud  # the receiver's bit, in bits of the sender
     offsets = [(1.5 + bit) * step for bit in range(8)]  # middles of the data bits, after the start bit begins
@@ -124,7 +124,7 @@ def misread_at(data: bytes, sender_baud: int, receiver_baud: int) -> bytes:
         start = edge + 1
 
 
-WORN = 0.77  # edges so late that every byte is read as at another rate
+WRONG_RATE_SHARE = 0.77  # edges so late that every byte is read as at another rate
 FULL_NS = 500_000_000  # a device drops frames if its line is this far behind, like a full output buffer
 
 
@@ -144,7 +144,7 @@ class LineFaults:
     drop: float = 0.0
     corrupt: float = 0.0
     burst_ms: float = 0.0
-    packet: int = PACKET
+    packet: int = PACKET_BYTES
     baud: int | None = None
     dead_baud: int | None = None
 
@@ -219,7 +219,7 @@ class SimulatedLine:
 
     def _as_received(self, data: bytes, rate: int | None, receiver_baud: int | None) -> bytes:
         if rate and rate == self.faults.dead_baud:
-            return misread_at(data, rate, round(rate * WORN))
+            return misread_at(data, rate, round(rate * WRONG_RATE_SHARE))
         if rate and receiver_baud and receiver_baud != rate:
             return misread_at(data, rate, receiver_baud)
         return data
@@ -228,7 +228,7 @@ class SimulatedLine:
 # -- frames ------------------------------------------------------------------------------------------------------------
 
 
-_HEAD = 20
+_HEAD_BYTES = 20
 
 
 def frames_of(data: bytes, protocol: str) -> tuple[list[bytes], bytes]:
@@ -251,7 +251,7 @@ def frames_of(data: bytes, protocol: str) -> tuple[list[bytes], bytes]:
             break
         pieces.append(data[at:start])
         at = start
-        size = size_of(data[start : start + _HEAD])
+        size = size_of(data[start : start + _HEAD_BYTES])
         if not size or start + size > len(data):
             break
         pieces.append(data[start : start + size])

@@ -19,10 +19,12 @@ from imuscope.server.links.text import heading, listen_error, place_of, progress
 
 BUFFER_BYTES = 4 << 20
 MAX_DATAGRAM = 65_535
-AT_ONCE = 64  # datagrams read per wake-up of the thread: a burst costs one wait, and the thread still stops promptly
+DATAGRAMS_PER_WAKE = (
+    64  # datagrams read per wake-up of the thread: a burst costs one wait, and the thread still stops promptly
+)
 SO_RXQ_OVFL = 40  # Linux, asm-generic/socket.h; not in the socket module
 MAX_SENDERS = 64  # senders stored; bounded because a device may use a new port for each datagram
-NAMED = 4  # senders listed in a notice
+MAX_NAMED_SENDERS = 4  # senders listed in a notice
 OTHER_SENDER_NS = 2_000_000_000  # two senders within this time are two devices, not one that changed its address
 _ANCILLARY = socket.CMSG_SPACE(4)
 
@@ -70,7 +72,7 @@ class UdpLink(ThreadedLink):
     def _on_readable(self) -> None:
         assert self._socket is not None
         assert self._queue is not None
-        for _ in range(AT_ONCE):
+        for _ in range(DATAGRAMS_PER_WAKE):
             try:
                 data, extra, _, sender = self._socket.recvmsg(MAX_DATAGRAM, _ANCILLARY)
             except BlockingIOError:
@@ -104,7 +106,7 @@ class UdpLink(ThreadedLink):
             return self._waiting
         newest = senders[-1][1]
         names = sorted(place_of(*who[:2]) for who, at in senders if newest - at < OTHER_SENDER_NS)
-        places = " and ".join(names) if len(names) <= NAMED else f"{len(names)} places"
+        places = " and ".join(names) if len(names) <= MAX_NAMED_SENDERS else f"{len(names)} places"
         notices = [f"Datagrams come from {places if len(names) < MAX_SENDERS else f'{places} or more'}."]
         if len(names) > 1:
             notices.append("Their bytes are mixed into one stream: give each device its own port.")

@@ -303,7 +303,6 @@ async def start_page_parts(services: Services) -> None:
 
 
 def extension_routers(services: Services) -> list[APIRouter]:
-    """The routes of all extensions of a server."""
     routers: list[APIRouter] = []
     for extension in extensions():
         routers += attempt(extension, functools.partial(extension.routers, services)) or ()
@@ -326,5 +325,4 @@ def add_commands(
 
 
 def extension_commands() -> dict[str, ExtensionCommand]:
-    """Commands of all extensions, by name."""
     return {command.name: command for extension in extensions() for command in extension.commands}

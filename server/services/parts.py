@@ -117,12 +117,10 @@ class Parts:
         await asyncio.gather(*(part.close() for part in self._all if part.sends))
 
     async def start(self) -> None:
-        """Start all parts."""
         await start(self._all)
 
 
 async def start(parts: Iterable[ServicePart]) -> None:
-    """Start parts, one after the other."""
     for part in parts:
         started = part.start()
         if inspect.isawaitable(started):

@@ -27,7 +27,7 @@ STYLES = ("text", "json")
 LEVELS = ("debug", "info", "warning", "error")
 PERIOD_S = 10.0
 PER_PERIOD = 5
-SHORTEST = 8  # characters of a secret
+MIN_SECRET_CHARS = 8  # characters of a secret
 _MAX_KEYS = 256
 _PRIORITY = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 _OURS = ("imuscope",)
@@ -138,7 +138,7 @@ def install(style: str, level: str, secrets: Collection[str] = ()) -> None:
 
 def secrets_of(*texts: str) -> list[str]:
     """Secrets that are long enough to be masked; a short one would match parts of every line."""
-    return [one for one in texts if len(one) >= SHORTEST and not one.startswith("@")]
+    return [one for one in texts if len(one) >= MIN_SECRET_CHARS and not one.startswith("@")]
 
 
 def print_or_log(text: str) -> None:

@@ -66,7 +66,6 @@ class WireRows:
 
     @property
     def columns(self) -> list[Array]:
-        """See ChannelRows."""
         return [self.arrival_ns / 1e9, self.time, *values_of(self._batch, self._plan)]
 
 

@@ -18,7 +18,7 @@ from imuscope.server.streaming.ring_buffer import RingBuffer
 
 TRIM_S = 1.0
 HISTORY_S = 600.0
-BUDGET = 256 * 1024 * 1024
+BUDGET_BYTES = 256 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class ChannelStore:
         self,
         now: Callable[[], float],
         history_s: float = HISTORY_S,
-        budget: int = BUDGET,
+        budget: int = BUDGET_BYTES,
         reserved: Callable[[], int] = lambda: 0,
     ) -> None:
         self.history_s = history_s

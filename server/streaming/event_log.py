@@ -18,7 +18,7 @@ MARKS: frozenset[EventKind] = frozenset({"gap", "clock", "marker"})
 MAX_MARKS = 8000
 MAX_CHANGES = 5000
 CHANGES_RESENT = 1000
-AT_ONCE = 500  # events in one message, which delays the samples behind it
+EVENTS_PER_MESSAGE = 500  # events in one message, which delays the samples behind it
 
 
 class EventLog:
@@ -63,8 +63,8 @@ class EventLog:
         events = [event for marks in self._marks.values() for event in marks]
         events += list(self._changed)[-CHANGES_RESENT:]
         events.sort(key=lambda event: event.seq)
-        for at in range(0, max(len(events), 1), AT_ONCE):
-            yield events[at : at + AT_ONCE]
+        for at in range(0, max(len(events), 1), EVENTS_PER_MESSAGE):
+            yield events[at : at + EVENTS_PER_MESSAGE]
 
     def __len__(self) -> int:
         return len(self._changed) + sum(len(marks) for marks in self._marks.values())

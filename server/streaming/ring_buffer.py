@@ -41,8 +41,8 @@ from imuscope.server.wire.codec import sample_header
 # many channels are slow.
 FIRST_BLOCK = 64
 BLOCK_BYTES = 64 * 1024
-_SLACK = 8
-_UNPACKED = 2  # newest blocks
+_SLACK_ROWS = 8
+_UNPACKED_BLOCKS = 2  # newest blocks
 _PACKED_BYTES = 8 * 1024  # a smaller block is not worth it
 _NO_MEMORY = np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros(0, np.float64)
 
@@ -70,7 +70,7 @@ class RingBlock:
         self.last_arrival = 0.0
         self._groups = groups
         self._packed: list[bytes] = []
-        length = capacity + _SLACK  # a multiple of 8: each column begins at one
+        length = capacity + _SLACK_ROWS  # a multiple of 8: each column begins at one
         sizes = [length * dtype.itemsize for dtype, rows in groups for _ in range(rows)]
         self.begins = np.cumsum([0, *sizes[:-1]])
         memory = np.zeros(sum(sizes), np.uint8)
@@ -83,7 +83,7 @@ class RingBlock:
         self.nbytes = sum(sizes)
 
     def _memory(self) -> list[NDArray[Any]]:
-        return [np.zeros((rows, self.capacity + _SLACK), dtype) for dtype, rows in self._groups]
+        return [np.zeros((rows, self.capacity + _SLACK_ROWS), dtype) for dtype, rows in self._groups]
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
@@ -192,8 +192,8 @@ class RingBuffer:
     def _grow(self) -> RingBlock:
         most = max(FIRST_BLOCK, BLOCK_BYTES // self.sample_bytes & ~7)
         last = self._blocks[-1].capacity if self._blocks else FIRST_BLOCK // 2
-        if len(self._blocks) >= _UNPACKED:
-            older = self._blocks[-_UNPACKED]
+        if len(self._blocks) >= _UNPACKED_BLOCKS:
+            older = self._blocks[-_UNPACKED_BLOCKS]
             self.nbytes -= older.nbytes
             older.pack()
             self.nbytes += older.nbytes

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from imuscope.server.streaming.bus import TelemetryBus
-from imuscope.server.streaming.channel_store import BUDGET, HISTORY_S, ChannelStore
+from imuscope.server.streaming.channel_store import BUDGET_BYTES, HISTORY_S, ChannelStore
 from imuscope.server.streaming.clients import ClientFanout
 from imuscope.server.streaming.event_log import EventLog
 from imuscope.server.streaming.shedding import Shedding
@@ -29,7 +29,7 @@ class Telemetry:
         now: Callable[[], float],
         *,
         history_s: float = HISTORY_S,
-        budget: int = BUDGET,
+        budget: int = BUDGET_BYTES,
         reserved: Callable[[], int] = lambda: 0,
         capabilities: Capabilities | None = None,
     ) -> Telemetry:

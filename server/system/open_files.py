@@ -49,7 +49,6 @@ def program_of(folder: str | os.PathLike[str]) -> Program:
 
 
 def process_folders(root: str | os.PathLike[str] = ROOT) -> list[os.DirEntry[str]]:
-    """The folders of all processes in /proc."""
     try:
         with os.scandir(os.path.join(root, "proc")) as entries:
             return [one for one in entries if one.name.isdecimal()]

@@ -11,7 +11,7 @@ from imuscope.recordings.system.parent_death import die_with_parent, report_to_p
 from imuscope.recordings.system.priority import lower_priority
 from imuscope.recordings.system.resource_limits import TooLong, bounded
 
-STEP = 0.005  # of the progress
+PROGRESS_STEP = 0.005  # of the progress
 
 
 def begin(priority: int) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def progress_reports() -> Callable[[float], None]:
 
     def report(share: float) -> None:
         nonlocal reported
-        if share >= reported + STEP:
+        if share >= reported + PROGRESS_STEP:
             reported = share
             report_to_parent(progress=round(min(share, 1.0), 3))
 

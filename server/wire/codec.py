@@ -28,7 +28,7 @@ from imuscope.server.wire import (
 )
 
 _DROPPED_AT = 12
-_SAFE = 2**53 - 1  # JavaScript's Number.MAX_SAFE_INTEGER
+_MAX_SAFE_INTEGER = 2**53 - 1  # JavaScript's Number.MAX_SAFE_INTEGER
 
 
 def padded(size: int) -> int:
@@ -141,7 +141,7 @@ def to_json_safe(value: Any) -> Any:
         return value
     if isinstance(value, int | np.integer):
         number = int(value)
-        return number if -_SAFE <= number <= _SAFE else str(number)
+        return number if -_MAX_SAFE_INTEGER <= number <= _MAX_SAFE_INTEGER else str(number)
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, np.bool_):
@@ -161,7 +161,6 @@ def to_json_safe(value: Any) -> Any:
 
 
 def encode_text(message: ServerText | BrowserText) -> str:
-    """One text frame."""
     return json.dumps(to_json_safe(message), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 

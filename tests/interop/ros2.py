@@ -48,8 +48,8 @@ def hiroz(folder: Path, scratch: Path) -> str:
         seen, samples = asyncio.run(_both(listen, server.url))
         block_until(lambda: all(row["subscribers"] == 0 for row in topics(server)), "hiroz is gone")
     _expect(["imx_5", "/"] in seen["nodes"], f"nodes {seen['nodes']}")
-    for topic, type in TOPICS.items():
-        _expect(seen["topics"].get(topic) == type, f"{topic} is {seen['topics'].get(topic)} and not {type}")
+    for topic, type_name in TOPICS.items():
+        _expect(seen["topics"].get(topic) == type_name, f"{topic} is {seen['topics'].get(topic)} and not {type_name}")
         _expect(topic in seen["received"], f"nothing came on {topic}")
     _expect(not any(seen["lost"].values()), f"lost: {seen['lost']}")
     raw = seen["received"][RAW]

@@ -29,7 +29,7 @@ SENTENCE = b"$HCHDM,123.45,M*18\r\n"
 
 def lines_of(path: Path, reading: DecodeOptions = DecodeOptions("auto"), **options: Any) -> list[dict[str, Any]]:  # noqa: B008
     out = io.StringIO()
-    inspect_file(path, out, reading, format="jsonl", **options)
+    inspect_file(path, out, reading, text_format="jsonl", **options)
     return [json.loads(line) for line in out.getvalue().splitlines()]
 
 

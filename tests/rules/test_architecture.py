@@ -30,7 +30,7 @@ from tests.support.source_files import ROOT, facts_of, python_files, text_of, tr
 # Mechanisms that exist once: the file, and a pattern of further implementations.
 ONE_PLACE = {
     "recordings/system/atomic_write.py": r"\bos\.replace\(|\baside\.replace\(",
-    "protocols/arrays.py": r"^(Array|Ints|Bytes) = NDArray",
+    "protocols/arrays.py": r"^(Array|Ints|Bytes|Floats) = NDArray",
     "server/system/workers.py": r"create_subprocess_|\bmultiprocessing\b|\bsubprocess\.(Popen|run|call|check_\w+)\(",
     "server/concurrency/limiters.py": r"[+] \(?(now|\w+\.monotonic\(\)) - [\w.]+\)? \* [\w.]*(rate|per_s)|"
     r", now - \w*BURST",

@@ -193,13 +193,15 @@ def test_every_quantity_has_a_channel(family: str, folder: Path) -> None:
         assert not numeric or batch.message.name in messages, batch.message.name
 
 
-@each_row("format", SERIES)
+@each_row("export_format", SERIES)
 @each_row("family", list(FAMILIES))
-def test_every_number_is_read_back_from_every_format(family: str, format: str, folder: Path) -> None:
+def test_every_number_is_read_back_from_every_format(family: str, export_format: str, folder: Path) -> None:
     """Also of what frames of another size gave."""
     columns, path = opened(family, folder, has_others=True)
-    files = export(format, ExportRequest(columns, path), folder / f"{family}-{format}{FORMATS[format].suffix}")
-    every = READERS[format](files)
+    files = export(
+        export_format, ExportRequest(columns, path), folder / f"{family}-{export_format}{FORMATS[export_format].suffix}"
+    )
+    every = READERS[export_format](files)
     together: dict[str, tuple[float, ...]] = {}  # a message of several firmwares is in several files
     for name, values in every:
         together[name] = (*together.get(name, ()), *values)
@@ -208,15 +210,17 @@ def test_every_number_is_read_back_from_every_format(family: str, format: str, f
     assert missing == []
 
 
-@each_row("format", sorted(name for name, one in FORMATS.items() if one.needs_source or name == "csv-aligned"))
+@each_row("export_format", sorted(name for name, one in FORMATS.items() if one.needs_source or name == "csv-aligned"))
 @each_row("family", list(FAMILIES))
-def test_every_other_format_has_all(family: str, format: str, folder: Path) -> None:
+def test_every_other_format_has_all(family: str, export_format: str, folder: Path) -> None:
     """Aligned lines have a heading for each column; formats of bytes have the frames themselves."""
-    if format in OWN_BYTES.values() and OWN_BYTES.get(family) != format:
+    if export_format in OWN_BYTES.values() and OWN_BYTES.get(family) != export_format:
         return  # of another family
     columns, path = opened(family, folder)
-    (made,) = export(format, ExportRequest(columns, path), folder / f"{family}-{format}{FORMATS[format].suffix}")
-    if format == "csv-aligned":
+    (made,) = export(
+        export_format, ExportRequest(columns, path), folder / f"{family}-{export_format}{FORMATS[export_format].suffix}"
+    )
+    if export_format == "csv-aligned":
         headings = [name for name, _ in csv_columns([made])]
         assert len(headings) == len(set(headings))
         tables = [info for info in columns.manifest["channels"] if info["kind"] == "table"]
@@ -224,8 +228,10 @@ def test_every_other_format_has_all(family: str, format: str, folder: Path) -> N
         (rule,) = [line for line in made.read_text().splitlines() if line.startswith("# A line for each sample")]
         assert all(info["name"] in rule for info in tables)
         return
-    assert made.read_bytes().endswith(cases(family)[-1][1]) or format == "raw"
-    again = decode(open_file(made, family), folder / f"{family}-{format}.columns", all_protocols(), options(family))
+    assert made.read_bytes().endswith(cases(family)[-1][1]) or export_format == "raw"
+    again = decode(
+        open_file(made, family), folder / f"{family}-{export_format}.columns", all_protocols(), options(family)
+    )
     assert sorted(stored(again)) == sorted(stored(columns))
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.isb.family import frame_angles
 from imuscope.protocols.rotations import (
     angle_of,
@@ -33,7 +33,6 @@ from tests.support.each_row import each_row
 from tests.support.source_files import ROOT
 
 ROWS = json.loads((ROOT / "tests" / "golden" / "euler.json").read_text())["rows"]
-Floats = NDArray[np.float64]
 
 
 def by_an_expression(q: Floats) -> list[float]:

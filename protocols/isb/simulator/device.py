@@ -139,7 +139,6 @@ class IsbSimulator:
     # -- the two directions of the link
 
     def advance(self, now_ns: int) -> bytes:
-        """Bytes sent by the device up to `now_ns`, since the last call."""
         now = self._local(now_ns)
         out: list[bytes] = []
         if not self._is_awake and now >= BOOT_NS:
@@ -168,7 +167,6 @@ class IsbSimulator:
 
     @property
     def next_ns(self) -> int:
-        """Time of its next message, on the clock of `advance`; 0 if unknown."""
         if not self._is_awake or not self._waiting:
             return 0
         return self._start_ns + math.ceil(self._waiting[-1][0] / self._speed)

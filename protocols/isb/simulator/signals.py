@@ -27,18 +27,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imuscope.protocols import rotations
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.isb.dataset_loader import SETS
 from imuscope.protocols.isb.frames import DATA, FIRST, HEADER, SECOND, TRAILER
 from imuscope.protocols.isb.time_base import GPS_EPOCH, WEEK_S
 from imuscope.protocols.schema.layouts import element
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
-
-Floats = NDArray[np.float64]
 
 S = 10**9
 BLOCK_NS = 250_000_000

@@ -44,7 +44,6 @@ class Value:
 
 
 def c_type(kind: Kind) -> str:
-    """Name of a type in C."""
     if isinstance(kind, NumberType):
         return C_NAMES[kind.name]
     if isinstance(kind, ArrayType):
@@ -70,7 +69,6 @@ def type_definition(kind: Kind) -> str:
 
 
 def number(value: int | float | bool) -> Value:
-    """A number as it is written."""
     if isinstance(value, bool):
         return Value(FLAG, "1" if value else "0", int(value))
     if isinstance(value, float):

@@ -164,7 +164,6 @@ class XbusSimulator:
     # -- the two directions of the link
 
     def advance(self, now_ns: int) -> bytes:
-        """Bytes sent by the device up to `now_ns`, since the last call."""
         now = self._local(now_ns)
         out: list[bytes] = []
         if self.phase == "boot" and now >= 0:
@@ -182,7 +181,6 @@ class XbusSimulator:
         return b"" if self._ignores_input else self._under_own_name(out)
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
-        """Handle bytes from the host; returns the bytes sent by then, followed by its answers."""
         before, out = self.advance(now_ns), list[bytes]()
         now = self._local(now_ns)
         if self.phase == "boot":
@@ -210,7 +208,6 @@ class XbusSimulator:
 
     @property
     def next_ns(self) -> int:
-        """Time of its next message, on the clock of `advance`; 0 if unknown."""
         if self.phase != "measurement" or not self._waiting or self._replies.is_busy:
             return 0
         return self._start_ns + math.ceil(self._waiting[-1][0] / self._speed)
@@ -223,7 +220,6 @@ class XbusSimulator:
         return RequestParser() if self._bid is None else RequestParser((self._bid,))
 
     def _local(self, now_ns: int) -> int:
-        """Device time: ns of the device's own oscillator since it was switched on."""
         return int((now_ns - self._start_ns) * self._speed)
 
     # -- measuring

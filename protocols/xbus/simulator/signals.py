@@ -18,15 +18,12 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imuscope.protocols import rotations
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import AS_BUILT, SensorSetup
 from imuscope.protocols.xbus.output_configuration import OUTPUTS
-
-Floats = NDArray[np.float64]
 
 TICKS_S = 10_000  # SampleTimeFine
 GNSS_AGE_NS = 80_000_000  # age of a receiver's solution when it arrives

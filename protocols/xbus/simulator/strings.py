@@ -20,13 +20,13 @@ from functools import cached_property
 import numpy as np
 
 from imuscope.protocols import rotations
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.embedded.nmea import checksum
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.xbus.binary_strings import EM1000, EM1000_HEAD
 from imuscope.protocols.xbus.enums import STRING_TYPES
 from imuscope.protocols.xbus.simulator.measurement import BLOCK_NS
-from imuscope.protocols.xbus.simulator.signals import Floats, ItemValues, XbusSignalSource
+from imuscope.protocols.xbus.simulator.signals import ItemValues, XbusSignalSource
 
 _KNOTS = 1 / 0.514444
 _COURSE_FROM = 0.2  # m/s: below it no true course is sent
@@ -171,7 +171,6 @@ class Sentences:
         return tuple(name for name in names if name not in _RECEIVER or "gnss" in self.run.abilities)
 
     def errors(self, name: str, grade: trajectory.SensorGrade) -> trajectory.SensorErrors:
-        """See signals.OutputSchedule."""
         if name not in self._errors:
             self._errors[name] = trajectory.SensorErrors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
         return self._errors[name]

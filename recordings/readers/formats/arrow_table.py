@@ -45,14 +45,14 @@ class ArrowColumns:
 class ArrowSource(CsvSource):
     """A binary table. Raises as CsvSource does."""
 
-    def __init__(self, path: Path, columns: ArrowColumns, format: str, options: TableOptions) -> None:
+    def __init__(self, path: Path, columns: ArrowColumns, format_name: str, options: TableOptions) -> None:
         if len(columns.headings) > MOST_COLUMNS:
             words = f"{path.name} has {len(columns.headings)} columns; {MAX_COLUMNS} are read."
             raise RecordingError(words, "Give a part of them.")
         self._columns = columns
         self._left_out_words = [remark(words) for words in columns.left_out]
         super().__init__(path, options)
-        self.format = format
+        self.format = format_name
 
     def _form_of_file(self) -> TableFormat:
         sample: list[tuple[str, ...]] = []

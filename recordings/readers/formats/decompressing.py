@@ -74,7 +74,6 @@ class UnpackedFolder:
         self._most = min(LARGEST, shutil.disk_usage(self.path).free // FREE_SHARE)
 
     def remove(self) -> None:
-        """Remove it with everything in it."""
         self._folder.remove()
 
     def source(self, make: Callable[[], S]) -> S:

@@ -185,8 +185,8 @@ class FlightLog(TableSource):
 
     clock_name = "timestamp"
 
-    def __init__(self, path: Path, format: str) -> None:
-        super().__init__(path, format)
+    def __init__(self, path: Path, format_name: str) -> None:
+        super().__init__(path, format_name)
         self.tables: dict[str, LogTable] = {}
         self.left_out: dict[str, None] = {}
         fix = self.fix()
@@ -305,7 +305,6 @@ class FlightLog(TableSource):
             self.damage.append(remark(f"Left out: {', '.join(self.left_out)}."))
 
     def note(self, at: int, words: str) -> None:
-        """Note damage."""
         if len(self.damage) < MOST_DAMAGE:
             self.damage.append(FileDamage(at, words))
 

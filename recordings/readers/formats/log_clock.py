@@ -13,14 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Ints
+from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.messages.records import MESSAGE, records_of
 from imuscope.recordings.sources import ChunkBlock
 from imuscope.recordings.tables.clocks.steps import MOST_STEPS, NEXT_ROWS, PAUSE_S, ClockWatch, StepOfClock
-
-Floats = NDArray[np.float64]
 
 GAP_S, LOG_GAP_S = 1.0, 0.001
 SECOND_NS = 1_000_000_000

@@ -53,8 +53,6 @@ GYRO = "gyro_rad"
 
 
 class Ulog(FlightLog):
-    """A ULog file."""
-
     def __init__(self, path: Path) -> None:
         super().__init__(path, "ulog")
 

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.registry.families import unit_flag
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.tables.clock import TableClock
-from imuscope.recordings.tables.clocks.steps import ClockWatch, Floats, repeats_words, shifted
+from imuscope.recordings.tables.clocks.steps import ClockWatch, repeats_words, shifted
 from imuscope.recordings.tables.dates import DAY, dated_name
 from imuscope.recordings.tables.format import TableFormat
 from imuscope.recordings.tables.time_units import CLOSE, UNSORTED, in_order, rate_text, usual_step

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.tables.clock import AmbiguousTableError, Epoch, Sure, TableClock
 from imuscope.recordings.tables.clocks import names
 from imuscope.recordings.tables.clocks.sample import TableSample
@@ -16,7 +17,6 @@ from imuscope.recordings.tables.time_units import (
     RECENT,
     SPELLINGS,
     UNITS,
-    Floats,
     UnitReading,
     decided,
     is_dated,

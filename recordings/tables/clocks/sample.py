@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.tables.cells import are_hexadecimal, hexadecimal_number
 from imuscope.recordings.tables.clock import Epoch, TableClock
@@ -13,7 +14,7 @@ from imuscope.recordings.tables.dates import GPS_EPOCH, WEEK, are_dates, are_pac
 from imuscope.recordings.tables.format import TableFormat, is_number
 from imuscope.recordings.tables.headings import ColumnHeading
 from imuscope.recordings.tables.options import TableOptions
-from imuscope.recordings.tables.time_units import Floats, UnitReading, is_dated, possible_units
+from imuscope.recordings.tables.time_units import UnitReading, is_dated, possible_units
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.tables.dates import DAY
 
-Floats = NDArray[np.float64]
 StepKind = Literal["back", "ahead", "wrap"]
 
 APART = 2.0  # of the length that is a gap: the unknown time between two segments is drawn, and found, as one
@@ -177,7 +176,6 @@ def periods_of(factor: float, kind: str, epoch: str) -> tuple[float, ...]:
 
 
 def step_words(step: StepOfClock, name: str) -> str:
-    """A sentence on a step."""
     size = duration_text(abs(step.by_s))
     match step.kind:
         case "back":

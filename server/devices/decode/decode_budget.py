@@ -20,11 +20,11 @@ from collections.abc import Callable
 SLICE_S = 0.003
 MIN_BYTES, INITIAL_BYTES, MAX_BYTES = 1 << 11, 1 << 12, 1 << 18  # bytes
 TURN_S = 0.012
-FORGETTING = 0.9  # weight of older slices, per slice
-FLATTEST = 0.05  # minimum share of the mean cost per byte that depends on size, whatever the noise
+SLICE_MEMORY = 0.9  # weight of older slices, per slice
+MIN_SIZE_SHARE = 0.05  # minimum share of the mean cost per byte that depends on size, whatever the noise
 MIN_VARIANCE = 0.01  # sizes with a smaller variance, relative to their mean square, do not determine a line
-FEW = 4.0  # slices
-SHORTER = 0.6  # of a slice
+MIN_SLICES = 4.0
+TARGET_SLICE_SHARE = 0.6
 
 Drain = Callable[[], object]
 """Does a slice of work; true if more is waiting."""
@@ -43,7 +43,7 @@ class Costs:
         if spent > max(SLICE_S, 4 * (constant + byte_s * size)):
             self._sums = 1.0, float(size), spent, square, product  # the kind of bytes has changed
             return
-        n, sizes, times, squares, products = (FORGETTING * old for old in self._sums)
+        n, sizes, times, squares, products = (SLICE_MEMORY * old for old in self._sums)
         self._sums = n + 1.0, sizes + size, times + spent, squares + square, products + product
 
     def fitting(self) -> int:
@@ -54,7 +54,7 @@ class Costs:
     @property
     def are_uniform(self) -> bool:
         """Whether all of the last slices had the same size, and there were enough of them."""
-        return self._sums[0] > FEW and self._spread() <= MIN_VARIANCE * self._sums[3]
+        return self._sums[0] > MIN_SLICES and self._spread() <= MIN_VARIANCE * self._sums[3]
 
     def _spread(self) -> float:
         n, sizes, _, squares, _ = self._sums
@@ -67,7 +67,7 @@ class Costs:
             return 0.0, 0.0
         byte_s, spread = times / sizes, self._spread()
         if spread > MIN_VARIANCE * squares:
-            byte_s *= min(max((products - sizes * times / n) / spread / byte_s, FLATTEST), 1.0)
+            byte_s *= min(max((products - sizes * times / n) / spread / byte_s, MIN_SIZE_SHARE), 1.0)
         return (times - byte_s * sizes) / n, byte_s
 
 
@@ -122,7 +122,7 @@ class Slices:
         elif size > self._most // 2:  # smaller ones are mostly fixed cost
             self._most = min(MAX_BYTES, 2 * self._most, max(self._most, fitting))
         is_limited = self._most < MAX_BYTES and self._costs.are_uniform
-        self.size = int(SHORTER * self._most) if is_limited else self._most
+        self.size = int(TARGET_SLICE_SHARE * self._most) if is_limited else self._most
 
 
 class RoundRobin:

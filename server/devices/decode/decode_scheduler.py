@@ -18,7 +18,7 @@ from collections.abc import Callable
 from imuscope.server.concurrency.heartbeat import UNWATCHED_S, next_beat
 from imuscope.server.devices.decode.decode_budget import Drain, RoundRobin
 
-PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request
+LOOP_PASSES = 8  # of the event loop between two turns that leave work: as many as it takes to answer a request
 
 
 class DecodeScheduler:
@@ -69,5 +69,5 @@ class DecodeScheduler:
         self._turns.run()
         self._rest_until = loop.time() + self._turns.spent
         if self._turns.has_more:  # without an interval: bytes would arrive faster than they are decoded
-            self._passes = PASSES
+            self._passes = LOOP_PASSES
             self._schedule(loop, self._last)

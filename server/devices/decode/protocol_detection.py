@@ -20,7 +20,7 @@ GUESS_S = 0.4  # time-out with fewer bytes
 GUESS_SCORE = 0.5
 SAMPLE_BYTES = 4 * 1024  # newest bytes that one guess uses
 UNKNOWN_BYTES = 16 * 1024  # stored while the protocol is unknown
-NEVER = 1 << 60
+NEVER_NS = 1 << 60
 
 
 class ProtocolGuess(Shape):
@@ -86,7 +86,7 @@ class ProtocolDetector:
         the next one is due at twice the number of bytes, later only after a time-out.
         """
         self._next = now + GUESS_S
-        self._enough = 2 * self.size if 2 * self.size <= UNKNOWN_BYTES else NEVER
+        self._enough = 2 * self.size if 2 * self.size <= UNKNOWN_BYTES else NEVER_NS
         guesses = self._guess(b"".join(chunk.data for chunk in self._chunks)[-SAMPLE_BYTES:])
         if guesses and guesses[0].score >= GUESS_SCORE:
             return guesses[0], guesses[0].reason

@@ -100,7 +100,6 @@ class LinkDevice:
         self.events.report("link", "warning", text, data={"kind": "replaced", "before": before, "now": now})
 
     def count_samples(self, samples: int, now: float) -> None:
-        """Count samples of the device."""
         if samples:
             self._silence.note_chunk(now, self.last_sample_at or None)
             self.last_sample_at = now
@@ -367,7 +366,6 @@ class LinkDecoder:
 
     @property
     def samples(self) -> int:
-        """Samples of the link's own device since it was last silent."""
         return self._own.samples
 
     @samples.setter

@@ -19,7 +19,7 @@ from imuscope.server.streaming.sink import TelemetrySink
 
 MAX_ATTEMPTS = 12
 ARRIVES_S = 2.0  # delays are known from arriving bytes
-FEWEST = 100  # delays, for one that 99 of 100 stay below
+MIN_DELAYS = 100  # delays, for one that 99 of 100 stay below
 _TOPICS = re.compile(r"(?!serial:|file:)[a-z][\w+.-]*://(?P<host>[^/]+)(?P<path>/.+)")
 _MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")
 
@@ -143,7 +143,7 @@ def health(
         bytes=figures.bytes.total,
         bytes_per_s=figures.bytes.rate(now),
         capacity=capacity,
-        jitter_ms=clock.jitter_ns() / 1e6 if clock is not None and known and clock.rows >= FEWEST else None,
+        jitter_ms=clock.jitter_ns() / 1e6 if clock is not None and known and clock.rows >= MIN_DELAYS else None,
         last_arrival=figures.last_sample or figures.last_arrival,
         drift_ppm=clock.drift_ppm if clock is not None and clock.knows_drift else None,
         uncertainty_ms=clock.uncertainty_ns / 1e6 if clock is not None and known else None,

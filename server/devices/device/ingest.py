@@ -42,9 +42,9 @@ from imuscope.server.streaming.unknown_payloads import UnknownPayloadTracker
 from imuscope.server.wire import JitterCause
 
 NETWORK_NS = 1e6  # one-way delay of a local network: the minimum cannot be measured from one end
-RESETS = 100  # stored
+MAX_RESETS = 100  # stored
 BACK_NS = 1e9  # a larger jump back is a reset whose first frames were lost or rejected
-FULL = 0.9  # share of a link's capacity above which a gap is attributed to a full link
+FULL_LINK_SHARE = 0.9  # share of a link's capacity above which a gap is attributed to a full link
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
 LEFT_OUT_S = 10.0  # a gap this soon after bytes were left out is attributed to that
 SLICE_NS = 1_000_000_000  # part of a drain that is mapped to host time at once
@@ -200,7 +200,7 @@ class Ingest:
         elif line.timed:
             self.clock = ClockSync(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
         self._clock_set_ns = 0  # total adjustment of a device clock that continued to count
-        self._resets: deque[float] = deque(maxlen=RESETS)  # unix s
+        self._resets: deque[float] = deque(maxlen=MAX_RESETS)  # unix s
         self._breaks: list[float] = []  # restarts of the clock mapping that are not reported yet, unix s
         self._steps_ignored_until = 0.0  # clock steps until then are not reported again, unix s
         self._traits = about
@@ -459,7 +459,7 @@ class Ingest:
         if self._line.kind == "udp":
             return LossCause("network", "the network did not deliver them.")
         capacity = self._line.capacity
-        if capacity and self._stats.bytes.rate(self._sink.now()) >= FULL * capacity:
+        if capacity and self._stats.bytes.rate(self._sink.now()) >= FULL_LINK_SHARE * capacity:
             return LossCause(
                 "link", "the link is full, so the device could not send them. Lower a rate or raise the baud."
             )

@@ -19,7 +19,7 @@ from imuscope.server.wire import JitterCause
 
 LATELY_S = 60.0
 NOTICEABLE_NS = 2e6  # network delays that are reported
-FEWEST = 100  # samples before a cause is attributed to the link
+MIN_SAMPLES = 100  # samples before a cause is attributed to the link
 RULE = "imuscope doctor --udev-rule | sudo tee /etc/udev/rules.d/70-imuscope.rules"
 PORT = "ttyUSB0"
 
@@ -46,7 +46,7 @@ def cause_of(clock: ClockSync, resets: Sequence[float], *, kind: str, port: str,
     if stalls:
         return _stall(stalls, kind)
     spread = clock.spread
-    if clock.rows < FEWEST:
+    if clock.rows < MIN_SAMPLES:
         return None
     if is_network(kind):
         return _network(spread.top) if spread.top > NOTICEABLE_NS else None

@@ -29,7 +29,7 @@ RECENT_BYTES, RECENT_CHUNKS = 4096, 64
 REARM = (
     "If it was restarted, re-arm it, here or with `imuscope rearm`. If not, this may be a replay of captured frames."
 )
-FEW = 3  # messages of another protocol in these bytes; fewer may be chance
+MIN_MESSAGES = 3  # messages of another protocol in these bytes; fewer may be chance
 
 REFUSALS: Mapping[str, tuple[str, str]] = {
     "stale": (
@@ -188,13 +188,13 @@ class StreamDiagnostics:
             return False
         counts = self._count_messages(b"".join(self._recent)[-RECENT_BYTES:])
         self._recent.clear()
-        others = [name for name, count in counts.items() if count >= FEW and name != protocol]
+        others = [name for name, count in counts.items() if count >= MIN_MESSAGES and name != protocol]
         if not others:
             return False
         self._reported.add("mixed")
         here, names = self._title(protocol), " and ".join(self._title(name) for name in others)
         data = {"protocols": [protocol, *others]}
-        if samples or counts.get(protocol, 0) >= FEW:
+        if samples or counts.get(protocol, 0) >= MIN_MESSAGES:
             words = f"Two protocols are mixed in this stream, {here} and {names}: it is decoded as {here}."
             self._report("warning", f"{words} Use a separate link for each device.", data)
             return True

@@ -10,13 +10,10 @@ After a step of the device clock, UTC is unknown until the next report.
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Ints
+from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.clocks.dates import UNKNOWN
 from imuscope.protocols.events import Batch, ClockStep
-
-Floats = NDArray[np.float64]
 
 
 class Dating:

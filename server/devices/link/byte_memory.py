@@ -108,7 +108,6 @@ class PackedRun:
         self.nbytes = len(self._data) + len(self._ends) + len(self._arrivals) + BLOCK_COST
 
     def run(self) -> ByteRun:
-        """The chunks."""
         ends, arrival_ns = np.empty(self._count, np.int32), np.empty(self._count, np.int64)
         unpack(self._ends, ends)
         unpack(self._arrivals, arrival_ns)

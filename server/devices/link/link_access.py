@@ -143,5 +143,4 @@ class LinkAccess:
         self._reader.drain()
 
     def bytes_at(self, offset: int, size: int) -> bytes:
-        """Bytes of this connection from an offset of the decoder; b"" if they are no longer stored."""
         return self._pipeline.bytes_at(offset, size)

@@ -34,7 +34,6 @@ class LinkMember:
 
     @property
     def state(self) -> DeviceState:
-        """The state that is published."""
         return self._sender.state
 
     @property
@@ -65,7 +64,6 @@ class LinkMember:
         await self.access.reopen(baud)
 
     def decode(self) -> None:
-        """Decode the received bytes now instead of in the next turn."""
         self.access.decode()
 
     async def wait_idle(self) -> None:

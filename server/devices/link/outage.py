@@ -12,7 +12,7 @@ from imuscope.protocols.events import Count, Counts
 from imuscope.server.devices.device.device_demux import LinkDevice
 
 SHORTEST_S = 1.0  # of a connection from which a rate is measured
-SHARE = 0.2  # tolerance of rate and time,
+RATE_TOLERANCE = 0.2  # tolerance of rate and time,
 SLACK_S = 0.5  # plus the time for which links and adapters may hold bytes back
 
 
@@ -56,7 +56,7 @@ class Outage:
         if now.counter != before.counter or now.modulus != before.modulus:
             return None
         expected = seconds * rate
-        unsure = SHARE * expected + SLACK_S * rate + 1
+        unsure = RATE_TOLERANCE * expected + SLACK_S * rate + 1
         if unsure >= now.modulus / 2:
             return None
         missing = (now.first - before.last - 1) % now.modulus

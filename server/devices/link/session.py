@@ -41,7 +41,7 @@ from imuscope.server.devices.link.link_access import LinkAccess
 from imuscope.server.devices.link.other_readers import OtherReaders
 from imuscope.server.devices.link.outage import Outage
 from imuscope.server.devices.link.session_listeners import SessionListeners
-from imuscope.server.links.base import SESSION, Chunk, Link, LinkError
+from imuscope.server.links.base import SESSION_DEADLINE, Chunk, Link, LinkError
 from imuscope.server.streaming.sink import TelemetrySink
 from imuscope.server.system.terminals import standing_at
 
@@ -145,7 +145,6 @@ class Session:
 
     @property
     def decode_options(self) -> DecodeOptions:
-        """Decode options of the device."""
         return self._pipeline.options
 
     @property
@@ -261,7 +260,7 @@ class Session:
         self._connection.apply(ConnectionEvent.OPENED)
         self._opened_at = self._sink.now()
         self._pipeline.disconnect()
-        self._link.flow.deadlines[SESSION] = 0  # the first bytes wake the loop
+        self._link.flow.deadlines[SESSION_DEADLINE] = 0  # the first bytes wake the loop
         self._link.flow.keep_datagrams = True  # until it is known whether ends of datagrams matter
         self._identification.restart()
         if protocol := self._pipeline.known_protocol or (self.info.protocol if same and self.devices.others else ""):

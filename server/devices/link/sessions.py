@@ -274,7 +274,7 @@ class Sessions:
 
 SCHEDSTAT = Path("/proc/thread-self/schedstat")
 OVER_S = 2.0
-WAITED, USED = 0.25, 0.7  # shares of the time
+WAITED_SHARE, USED_SHARE = 0.25, 0.7  # shares of the time
 
 
 class ProcessorUse:
@@ -306,4 +306,4 @@ class ProcessorUse:
     @property
     def reason(self) -> BusyReason:
         """Why decoding is behind, if it is: "" if that is not known."""
-        return "others" if self.waited > WAITED else "decoding" if self.used > USED else ""
+        return "others" if self.waited > WAITED_SHARE else "decoding" if self.used > USED_SHARE else ""

@@ -19,10 +19,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.along_time import AlongTime, is_along_time
 from imuscope.server.extensions.alarms.definitions import ExpressionCondition, FlagCondition
-from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes, Floats
+from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, WITHIN, Codes
 from imuscope.server.extensions.analysis.expressions.expression_functions import Context, euler_angles
 from imuscope.server.extensions.analysis.expressions.expression_syntax import Call, ExpressionError, Name, Node, parse
 from imuscope.server.extensions.analysis.expressions.expressions import columns_of, evaluate, names_in

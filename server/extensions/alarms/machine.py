@@ -17,11 +17,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
+
 BEYOND, BETWEEN, WITHIN, UNKNOWN = 1, 0, -1, 2
 
 AlarmStatus = Literal["missing", "ok", "pending", "raised", "acknowledged"]
 TransitionKind = Literal["raised", "returned", "cleared", "missing", "data"]
-Floats = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
 

@@ -444,7 +444,6 @@ def parts(services: Services) -> Iterator[ServicePart]:
 
 
 def alarm_part(services: Services) -> ServicePart:
-    """The alarms of a server."""
     telemetry, config = services.telemetry, services.config
     hosts = config.of(AlarmSettings).webhook_hosts
     alarms = AlarmService(telemetry.bus, telemetry.store, config.data, services.recorder, hosts)

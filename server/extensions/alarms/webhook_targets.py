@@ -23,7 +23,7 @@ HINT = f"If it should be reached, add the host to {SETTING} in the configuration
 THIS_NETWORK = ipaddress.ip_network("0.0.0.0/8")
 TRANSLATED = tuple(map(ipaddress.ip_network, ("::/96", "::ffff:0:0:0/96", "64:ff9b::/96", "64:ff9b:1::/48")))
 """IPv4-compatible, IPv4-translated and NAT64: the last 32 bits are an IPv4 address."""
-ISATAP = (0x00005EFE, 0x02005EFE)  # before the last 32 bits, which are an IPv4 address
+ISATAP_PREFIXES = (0x00005EFE, 0x02005EFE)  # before the last 32 bits, which are an IPv4 address
 NUMERIC = re.compile(r"(0[xX][0-9a-fA-F]+|[0-9]+)(\.(0[xX][0-9a-fA-F]+|[0-9]+)){0,3}")
 
 
@@ -64,7 +64,7 @@ def _embedded(address: IPv4Address | IPv6Address) -> Iterator[IPv4Address]:
     if not isinstance(address, IPv6Address):
         return
     last = IPv4Address(int(address) & 0xFFFFFFFF)
-    if any(address in one for one in TRANSLATED) or int(address) >> 32 & 0xFFFFFFFF in ISATAP:
+    if any(address in one for one in TRANSLATED) or int(address) >> 32 & 0xFFFFFFFF in ISATAP_PREFIXES:
         yield last
     yield from filter(None, (address.ipv4_mapped, address.sixtofour, *(address.teredo or ())))
 

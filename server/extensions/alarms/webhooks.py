@@ -34,7 +34,7 @@ log = logging.getLogger("imuscope.alarms")
 
 HIDDEN = "/…"  # stands for all that follows the host
 MAX_QUEUE = 20
-PER_S, AT_ONCE = 1 / 3, 20  # messages of one alarm
+MESSAGES_PER_S, MESSAGE_BURST = 1 / 3, 20  # messages of one alarm
 AGAIN = {408, 425, 429}  # and 5xx
 
 Report = Callable[[wire.Level, str], None]
@@ -163,7 +163,7 @@ class WebhookQueue:
         self.url = url
         self._timing, self._allowed = timing, allowed
         self._waiting: deque[tuple[dict[str, Any], Report]] = deque()
-        self._bucket = TokenBucket(PER_S, AT_ONCE, asyncio.get_running_loop().time())
+        self._bucket = TokenBucket(MESSAGES_PER_S, MESSAGE_BURST, asyncio.get_running_loop().time())
         self._left_out = 0
         self._is_failing = False
         self._task: asyncio.Task[None] | None = None

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.signals.stillness import (
     RestRun,
     StepMeans,
@@ -23,7 +24,7 @@ from imuscope.server.extensions.analysis.signals.stillness import (
     stillness,
     within,
 )
-from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Floats, Samples
+from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples
 from imuscope.server.extensions.calibration.directions import AXES, AXIS_VECTORS
 from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,

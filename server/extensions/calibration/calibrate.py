@@ -100,10 +100,10 @@ def _of_one_device(store: ColumnStore, name: str, device: str) -> list[ChannelIn
     return [info for info in infos if info.device == (device or devices[0])]
 
 
-def text_of(calibration: Calibration, format: str) -> str:
+def text_of(calibration: Calibration, export_format: str) -> str:
     """The result in a format of export, or as text for people."""
-    if format in FORMATS:
-        return exported(calibration.report, calibration.device, format)[0]
+    if export_format in FORMATS:
+        return exported(calibration.report, calibration.device, export_format)[0]
     return _for_people(calibration)
 
 

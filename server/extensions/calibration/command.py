@@ -21,9 +21,9 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
     add_table(command)
     command.add_argument("--device", default="", metavar="D", help="device to calibrate, if there are several")
     command.add_argument(
-        "--field", type=float, default=0.0, metavar="F", help="magnetometer: strength of the field, in its unit"
+        "--field", type=float, default=0.0, metavar="F", help="magnetometer: field strength, in the unit of the signal"
     )
-    command.add_argument("--gravity", type=float, default=0.0, metavar="G", help="accelerometer: gravity there, m/s²")
+    command.add_argument("--gravity", type=float, default=0.0, metavar="G", help="accelerometer: local gravity, m/s²")
     command.add_argument(
         "--square", action="store_true", help="accelerometer: the housing is square and rests on a level table"
     )

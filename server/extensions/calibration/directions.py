@@ -13,12 +13,12 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.triads import Floats
+from imuscope.protocols.arrays import Floats
 
-RINGS = (3, 9, 12)
-HALF = sum(RINGS)
+CELLS_PER_RING = (3, 9, 12)
+HALF = sum(CELLS_PER_RING)
 CELLS = 2 * HALF
-_ENDS = tuple(accumulate(RINGS))
+_ENDS = tuple(accumulate(CELLS_PER_RING))
 AXES = ("+x", "−x", "+y", "−y", "+z", "−z")
 AXIS_VECTORS = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
 NEAR_DEG = 50.0
@@ -37,7 +37,7 @@ def cells_of(directions: Floats) -> NDArray[np.int64]:
     share = np.clip(1 - np.abs(z), 0, 1 - 1e-12)  # of the area of a half, from its axis
     edges = np.array(_ENDS[:-1]) / HALF
     ring = np.searchsorted(edges, share, "right")
-    counts = np.array(RINGS)[ring]
+    counts = np.array(CELLS_PER_RING)[ring]
     begins = np.array((0, *_ENDS[:-1]))[ring]
     sector = np.floor(np.remainder(np.arctan2(y, x), 2 * np.pi) / (2 * np.pi) * counts).astype(np.int64)
     cells: NDArray[np.int64] = np.where(z >= 0, 0, HALF) + begins + np.minimum(sector, counts - 1)
@@ -48,7 +48,7 @@ def cell_centres() -> Floats:
     """Centre of each cell, (CELLS, 3)."""
     centres = []
     begin = 0
-    for count in RINGS:
+    for count in CELLS_PER_RING:
         share = (begin + count / 2) / HALF
         angles = (np.arange(count) + 0.5) * 2 * np.pi / count
         flat = np.sqrt(1 - (1 - share) ** 2)

@@ -29,7 +29,7 @@ NEEDED_S, GOAL_S = 10.0, 30.0
 MARGIN_S = 0.5
 MAX_BIAS = 10.0  # °/s; poor sensors have 5, a turntable has more
 TRACE_POINTS = 240
-WARMING = 1.0  # °C within a rest
+MAX_WARMING_C = 1.0  # °C within a rest
 
 
 def gyroscope_bias(turn: Samples, force: Samples = NO_SAMPLES, temperature: Samples = NO_SAMPLES) -> CalibrationReport:
@@ -107,6 +107,6 @@ def _temperature_notes(temperature: Samples, begin: float, end: float, figures: 
         return ["The temperature is unknown. The bias changes with it: repeat this when the sensor is warmer."]
     mean, change = float(np.mean(inside)), float(np.max(inside) - np.min(inside))
     figures.append(figure("temperature", "Temperature", mean, "°C"))
-    if change > WARMING:
+    if change > MAX_WARMING_C:
         return [f"The temperature changed by {change:.1f} °C in the rest. Let the sensor warm up and repeat."]
     return [f"Valid near {mean:.0f} °C: the bias changes with temperature."]

@@ -22,11 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.triads import Floats, Samples
+from imuscope.protocols.arrays import Floats
+from imuscope.server.extensions.analysis.signals.triads import Samples
 from imuscope.server.extensions.calibration.directions import (
     CELLS,
+    CELLS_PER_RING,
     CENTRES,
-    RINGS,
     cells_of,
     missing_axes,
     unit_vectors,
@@ -48,10 +49,10 @@ MAX_CONDITION = 15.0  # a full sphere has 2, a band of ±30° has 9, one of ±20
 MAX_ERROR = 0.03  # of the field, in the worst direction: 1.7°
 MAX_RESIDUAL = 0.1  # of the field after the fit
 PER_CELL = 40
-PROVISIONAL = 400  # samples for the provisional centre
+PROVISIONAL_SAMPLES = 400  # samples for the provisional centre
 CLUSTER_S = 1.0
 TRACE_POINTS = 240
-ITERATIONS = 30
+MAX_ITERATIONS = 30
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -116,7 +117,7 @@ def magnetometer_iron(samples: Samples, unit: str, field: float = 0.0) -> Calibr
 
 def _coverage(is_covered: NDArray[np.bool_], now: Floats) -> DirectionCoverage:
     return DirectionCoverage(
-        rings=list(RINGS),
+        rings=list(CELLS_PER_RING),
         seen=is_covered.tolist(),
         share=float(is_covered.mean()),
         needed=NEEDED_SHARE,
@@ -214,7 +215,7 @@ def provisional_centre(values: Floats) -> Floats:
 
     A few directions fit spheres of any size, so the radius is held near the strength measured, and the centre near 0.
     """
-    some = values[np.unique(np.linspace(0, len(values) - 1, PROVISIONAL).astype(np.int64))]
+    some = values[np.unique(np.linspace(0, len(values) - 1, PROVISIONAL_SAMPLES).astype(np.int64))]
     usual = float(np.median(np.linalg.norm(some, axis=1))) or 1.0
     centre, radius = np.zeros(3), usual
     for _ in range(10):
@@ -285,7 +286,7 @@ def _refined(values: Floats, parameters: Floats) -> Floats | None:
     damping = 1e-6
     residuals, rows = _residuals(values, parameters)
     cost = float(residuals @ residuals)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         normal = rows.T @ rows
         step = np.linalg.solve(normal + damping * np.diag(normal.diagonal() + 1e-12), -rows.T @ residuals)
         trial = parameters + step

@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import euler_columns
 from imuscope.server.extensions.analysis.signals.stillness import (
     RestRun,
@@ -23,7 +24,7 @@ from imuscope.server.extensions.analysis.signals.stillness import (
     stillness,
     within,
 )
-from imuscope.server.extensions.analysis.signals.triads import Floats, Samples
+from imuscope.server.extensions.analysis.signals.triads import Samples
 from imuscope.server.extensions.calibration.report import (
     CalibrationRefusal,
     CalibrationReport,

@@ -158,13 +158,13 @@ async def discard_calibration(device: str, services: TheServices) -> None:
     responses={200: {"content": TEXTS}, **responses(404, 422)},
 )
 async def export_calibration(
-    device: str, services: TheServices, format: Annotated[ExportFormat, Query()] = "yaml"
+    device: str, services: TheServices, export_format: Annotated[ExportFormat, Query(alias="format")] = "yaml"
 ) -> Response:
     """The result as a file: JSON, YAML, CSV or a C header."""
     state = await services.parts.get(CalibrationSessions).of(device).state()
     info = services.telemetry.bus.devices.latest[device]
     words = " ".join(part for part in (info.product or info.name, info.serial_number) if part)
-    return _file(state.report, words, format)
+    return _file(state.report, words, export_format)
 
 
 # -- a stretch ---------------------------------------------------------------------------------------------------------

@@ -217,5 +217,4 @@ async def _close() -> None:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     yield ServicePart("calibrations", CalibrationSessions(services.telemetry.bus, services.telemetry.store), _close)

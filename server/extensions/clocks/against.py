@@ -9,19 +9,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.tables.clocks.steps import StepOfClock
-
-Floats = NDArray[np.float64]
 
 MOST_POINTS = 200  # of the course of a difference
 SIDE_ROWS = (20, 4000)  # fewest and most rows on a side of a step that distinguish it from a stall
-STALLS = 4.0  # lengths of a step in which one is caught up
-LASTS = 0.5  # of a step: a difference that changes by less comes back
-BLOCKS = 8  # whose means are taken as independent: few, since the axis bends slowly until it is settled
+MAX_STALL_STEPS = 4.0  # lengths of a step in which one is caught up
+LASTING_STEP_SHARE = 0.5  # of a step: a difference that changes by less comes back
+MEAN_BLOCKS = 8  # whose means are taken as independent: few, since the axis bends slowly until it is settled
 FEWEST_BLOCKS = 4
-DIGITS = 4
+DRIFT_DIGITS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,16 +74,16 @@ def _edges(difference: Floats, steps: Sequence[StepOfClock], usual: float) -> It
     for step in steps:
         if not step.row:
             continue
-        wide = STALLS * abs(step.by_s) / usual if usual > 0 else fewest
+        wide = MAX_STALL_STEPS * abs(step.by_s) / usual if usual > 0 else fewest
         n = int(min(max(wide, fewest), most))
         before, after = difference[max(step.row - n, 0) : step.row], difference[step.row : step.row + n]
-        if abs(float(np.median(after) - np.median(before))) > LASTS * abs(step.by_s):
+        if abs(float(np.median(after) - np.median(before))) > LASTING_STEP_SHARE * abs(step.by_s):
             yield step.row
 
 
 def _slope_error(x: Floats, rest: Floats) -> float | None:
     """Standard error of a slope, ppm, from means of blocks: single samples of a burst are not independent."""
-    count = min(BLOCKS, len(x) // FEWEST_BLOCKS)
+    count = min(MEAN_BLOCKS, len(x) // FEWEST_BLOCKS)
     if count < FEWEST_BLOCKS:
         return None
     starts = np.linspace(0, len(x), count, endpoint=False).astype(np.int64)
@@ -109,7 +107,7 @@ def _series(difference: Floats, axis: Floats, bounds: Sequence[int]) -> ClockDif
     middles = first + (filled + 0.5) * length / MOST_POINTS
     return ClockDifference(
         middles.tolist(),
-        [float(f"{value:.{DIGITS}g}") for value in low[filled].tolist()],
-        [float(f"{value:.{DIGITS}g}") for value in high[filled].tolist()],
+        [float(f"{value:.{DRIFT_DIGITS}g}") for value in low[filled].tolist()],
+        [float(f"{value:.{DRIFT_DIGITS}g}") for value in high[filled].tolist()],
         axis[np.array(bounds[1:-1], np.int64)].tolist(),
     )

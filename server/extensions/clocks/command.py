@@ -23,7 +23,7 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
     words = 'recording, vendor log or capture ("-" reads standard input); or a live source, as for serve'
     command.add_argument("file", metavar="FILE", help=words)
     command.add_argument(
-        "--seconds", type=float, default=10.0, metavar="S", help="how long a live source is received (default 10)"
+        "--seconds", type=float, default=10.0, metavar="S", help="how long to receive a live source (default 10)"
     )
     words = "table for people (the default), json for programs"
     command.add_argument("--format", choices=("table", "json"), default="table", help=words)
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> None:
     from imuscope.server.extensions.clocks.print_clocks import print_clocks
 
     with opened as path:
-        print_clocks(path, decode_options, sys.stdout, sys.stderr, format=options.format)
+        print_clocks(path, decode_options, sys.stdout, sys.stderr, text_format=options.format)
 
 
 def _is_live(source: str) -> bool:

@@ -14,8 +14,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.tables.clocks.axis import AHEAD, step_limits
 from imuscope.recordings.tables.clocks.steps import ClockWatch, StepOfClock, periods_of
@@ -23,21 +23,19 @@ from imuscope.recordings.tables.time_units import UNITS, is_dated
 from imuscope.server.extensions.clocks.against import ClockDifference, difference_between
 from imuscope.server.library.collector import DEVICE_TIME
 
-Floats = NDArray[np.float64]
-
 MOST_ROWS = 4_000_000  # examined of one message: an hour at 1 kHz
 MOST_STEPS = 20  # listed of one clock
-BURST = 0.2  # of the usual step: samples that follow sooner came with the one before
-SAME = 0.05  # of a rate that is that of a unit
-EXACT = 0.001  # of one that is, by most of its steps
-LONG = 20.0  # usual steps: a longer one is none by which the unit is found
-RESTART = 0.1  # of a clock: one that goes back below that share of it has begun again
+BURST_STEP_SHARE = 0.2  # of the usual step: samples that follow sooner came with the one before
+RATE_TOLERANCE = 0.05  # of a rate that is that of a unit
+EXACT_RATE_TOLERANCE = 0.001  # of one that is, by most of its steps
+LONG_STEPS = 20.0  # usual steps: a longer one is none by which the unit is found
+RESTART_SHARE = 0.1  # of a clock: one that goes back below that share of it has begun again
 STAMPS = (
     *("stamp", "utc", "timestamp", "time", "sequence", "PacketCounter"),
     *("SampleTimeFine", "SampleTimeCoarse", "timeOfWeek", "iTOW"),
 )
 COUNTS = "counts of"
-LATEST = 4e9  # unix s
+LATEST_UNIX_S = 4e9  # unix s
 FINE = {"100 µs": 1e-4}
 
 
@@ -196,13 +194,13 @@ def _unit_of(values: Floats, axis: Floats) -> tuple[float, str]:
     forward = (steps > 0) & (passed > 0)
     if not forward.any():
         return 1.0, ""
-    forward &= (steps <= LONG * np.median(steps[forward])) & (passed <= LONG * np.median(passed[forward]))
+    forward &= (steps <= LONG_STEPS * np.median(steps[forward])) & (passed <= LONG_STEPS * np.median(passed[forward]))
     if not forward.any():
         return 1.0, ""
     whole = float(passed[forward].sum() / steps[forward].sum())  # the axis may be coarse
     usual = float(np.median(passed[forward] / steps[forward]))  # or may have steps that this clock lacks
     for unit, factor in {**UNITS, **FINE}.items():
-        if abs(whole / factor - 1) < SAME or abs(usual / factor - 1) < EXACT:
+        if abs(whole / factor - 1) < RATE_TOLERANCE or abs(usual / factor - 1) < EXACT_RATE_TOLERANCE:
             return factor, unit
     return usual, f"{COUNTS} {usual:.4g} s"
 
@@ -214,7 +212,7 @@ def _figures(
     known = np.isfinite(clock)
     times, on_axis = clock[known], axis[known]
     first = float(times[0]) if len(times) else 0.0
-    epoch = "1970" if is_dated(first, LATEST) else "start"
+    epoch = "1970" if is_dated(first, LATEST_UNIX_S) else "start"
     made = FileClock(name, "s", epoch, is_axis, why, len(times))
     if len(times) < 2:
         return made
@@ -244,12 +242,12 @@ def _figures(
 
 
 def _kind(step: StepOfClock) -> str:
-    return "restart" if step.kind == "back" and 0 <= step.after < RESTART * step.before else step.kind
+    return "restart" if step.kind == "back" and 0 <= step.after < RESTART_SHARE * step.before else step.kind
 
 
 def _count_bursts(clock: FileClock, steps: Floats, usual: float) -> None:
     """Share and size of bursts; samples of a clock that stands still (a coarse one) are at once, too."""
-    at_once = (steps >= 0) & (steps < BURST * usual)
+    at_once = (steps >= 0) & (steps < BURST_STEP_SHARE * usual)
     followers = int(at_once.sum())
     bursts = int(np.count_nonzero(at_once & ~np.concatenate(([False], at_once[:-1]))))
     clock.bursts = followers / len(steps)

@@ -64,7 +64,6 @@ class MemorySource:
         return sizes
 
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
-        """All of them."""
         [device] = self.devices
         for first in range(0, len(self.ends), PART_CHUNKS):
             past = min(first + PART_CHUNKS, len(self.ends))
@@ -78,7 +77,7 @@ class MemorySource:
         yield from ()
 
 
-BURSTY = 0.02  # share of samples, from which bursts are reported
+MIN_BURST_SHARE = 0.02  # share of samples, from which bursts are reported
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +118,7 @@ def burst_sentences(messages: Sequence[MessageClocks]) -> Iterator[str]:
     """A sentence on each message whose samples arrive in bursts."""
     for message in messages:
         arrival = next((clock for clock in message.clocks if clock.name == "arrival"), None)
-        if arrival is not None and arrival.bursts >= BURSTY:
+        if arrival is not None and arrival.bursts >= MIN_BURST_SHARE:
             yield _burst_sentence(message.message, arrival)
 
 

@@ -23,7 +23,7 @@ from imuscope.server.extensions.clocks.figures import FileClock, MessageClocks, 
 from imuscope.server.library.axis_words import RECORDING_WORDS
 
 HEADINGS = ("", "clock", "unit", "zero", "rate", "resolution", "drift", "jitter", "steps", "repeats", "bursts")
-SHOWN = 0.005  # of a share, in whole percents
+MIN_SHOWN_SHARE = 0.005  # of a share, in whole percents
 NOTHING_S = 1e-9  # below the resolution of a time since 1970
 WORDS = {
     "back": "goes back by {} at sample {} ({})",
@@ -33,13 +33,13 @@ WORDS = {
 }
 
 
-def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO, *, format: str = "table") -> None:
+def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO, *, text_format: str = "table") -> None:
     """Print the clocks of a file.
 
     Args:
         reading: decode options; without a protocol it is detected.
         notes: stream for the progress bar, and for the clock that is the time axis.
-        format: "table" for people, "json" for programs.
+        text_format: "table" for people, "json" for programs.
 
     Raises:
         UsageError, RecordingError, DomainError: the file cannot be decoded.
@@ -47,7 +47,7 @@ def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO,
     with decoded(path, reading, notes, of_device=True) as store:
         if not store.manifest.get("time"):
             print(f"imuscope: {RECORDING_WORDS}", file=notes)
-        if format == "json":
+        if text_format == "json":
             out.write(json.dumps(as_json(store), ensure_ascii=False, allow_nan=False) + "\n")
         else:
             _print_table(store, out)
@@ -96,5 +96,5 @@ def _cells(clock: FileClock) -> Sequence[str]:
         "" if clock.jitter_s is None else _short(clock.jitter_s),
         str(clock.steps_in_all),
         str(clock.repeats),
-        f"{100 * clock.bursts:.0f} %" + (f" of {clock.burst_samples:.3g}" if clock.bursts >= SHOWN else ""),
+        f"{100 * clock.bursts:.0f} %" + (f" of {clock.burst_samples:.3g}" if clock.bursts >= MIN_SHOWN_SHARE else ""),
     )

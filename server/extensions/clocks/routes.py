@@ -79,7 +79,6 @@ def nothing_stored(device: str) -> DomainError:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     yield ServicePart("the clocks", LiveClocks())
 
 

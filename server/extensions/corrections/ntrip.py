@@ -36,9 +36,9 @@ HEAD_S = 15.0
 MAX_HEAD = 16_384
 MAX_TABLE = 262_144
 TABLE_S = 15.0
-READ = 4096
+READ_BYTES = 4096
 MAX_NAMED = 5  # mount points listed in an error
-PORT, TLS_PORT = 2101, 443
+NTRIP_PORT, NTRIP_TLS_PORT = 2101, 443
 TRIED = "imuscope keeps retrying; no action is needed."
 
 
@@ -86,7 +86,7 @@ class Caster:
             raise CorrectionError("Host name not found (DNS).", "A caster is ntrip://user:password@host:2101/MOUNT.")
         tls = parts.scheme == "ntrips"
         user, password = unquote(parts.username or ""), unquote(parts.password or "")
-        return cls(parts.hostname, port or (TLS_PORT if tls else PORT), mount, user, password, tls)
+        return cls(parts.hostname, port or (NTRIP_TLS_PORT if tls else NTRIP_PORT), mount, user, password, tls)
 
     @property
     def place(self) -> str:
@@ -115,7 +115,7 @@ class CasterStream:
             CorrectionError: the response begins as HTTP but is invalid.
         """
         data = b""
-        while b"\r\n" not in data and len(data) <= MAX_HEAD and (more := await self._reader.read(READ)):
+        while b"\r\n" not in data and len(data) <= MAX_HEAD and (more := await self._reader.read(READ_BYTES)):
             data += more
         line, _, rest = data.partition(b"\r\n")
         self.status = line.decode("latin-1")
@@ -128,7 +128,7 @@ class CasterStream:
             self._http.receive_data(data)
             while not isinstance(event := self._http.next_event(), h11.Response):
                 if event is h11.NEED_DATA:
-                    self._http.receive_data(await self._reader.read(READ))
+                    self._http.receive_data(await self._reader.read(READ_BYTES))
         except h11.RemoteProtocolError:
             if self.code == "200":
                 raise CorrectionError(
@@ -146,7 +146,7 @@ class CasterStream:
         if self._http is None:
             if self._first:
                 yield self._first
-            while data := await self._reader.read(READ):
+            while data := await self._reader.read(READ_BYTES):
                 yield data
             return
         while True:
@@ -158,7 +158,7 @@ class CasterStream:
                 ) from None
             if isinstance(event, h11.Data):
                 yield bytes(event.data)
-            elif event is not h11.NEED_DATA or not (data := await self._reader.read(READ)):
+            elif event is not h11.NEED_DATA or not (data := await self._reader.read(READ_BYTES)):
                 return
             else:
                 self._http.receive_data(data)

@@ -87,7 +87,6 @@ class CorrectionManager:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     manager = CorrectionManager(services.sessions)
     yield ServicePart("corrections", manager, manager.close, sends=True)
 

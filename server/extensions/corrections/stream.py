@@ -39,7 +39,7 @@ from imuscope.server.devices.device.position_tracker import PositionTracker
 from imuscope.server.extensions.corrections.log import CorrectionLog, LogSink, ignore
 from imuscope.server.extensions.corrections.ntrip import (
     CONNECT_S,
-    READ,
+    READ_BYTES,
     TRIED,
     Caster,
     CasterStream,
@@ -91,8 +91,6 @@ class CorrectionSource(Protocol):
 
 
 class _Caster:
-    """An NTRIP caster."""
-
     def __init__(self, caster: Caster) -> None:
         self._caster = caster
         self._stream: CasterStream | None = None
@@ -136,7 +134,7 @@ class _Tcp:
 
     async def chunks(self) -> AsyncIterator[bytes]:
         assert self._streams is not None
-        while data := await self._streams[0].read(READ):
+        while data := await self._streams[0].read(READ_BYTES):
             yield data
         raise CorrectionError(f"{self._host}:{self._port} ended the stream.", TRIED)
 

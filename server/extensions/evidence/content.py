@@ -298,12 +298,12 @@ def _events(store: ColumnStore, t0: float, t1: float) -> list[EventRow]:
     return events
 
 
-MOST = 40
+MAX_SIGNALS = 40
 KINDS = ("vector", "euler", "scalar", "quaternion", "record")
 _COLOURS: dict[str, Colour] = {"x": "axis-x", "y": "axis-y", "z": "axis-z", "w": "axis-n"}
 _AXES: tuple[Colour, ...] = ("axis-x", "axis-y", "axis-z", "axis-n")
 _DASHES: tuple[list[float], ...] = ([], [5.0, 3.0], [1.5, 2.5])
-_TOGETHER = 4  # curves in a plot
+_CURVES_PER_PLOT = 4  # curves in a plot
 
 
 def all_plots(infos: Iterable[ChannelInfo], devices: int) -> list[EvidencePlot]:
@@ -322,9 +322,9 @@ def all_plots(infos: Iterable[ChannelInfo], devices: int) -> list[EvidencePlot]:
             if is_number and (column.unit or info.unit or info.kind != "record"):
                 units.setdefault(column.unit or info.unit, []).append(column)
         for unit, columns in units.items():
-            for first in range(0, len(columns), _TOGETHER):
-                plots.append(_plot(info, unit, columns[first : first + _TOGETHER], len(units) > 1, devices))
-    return plots[:MOST]
+            for first in range(0, len(columns), _CURVES_PER_PLOT):
+                plots.append(_plot(info, unit, columns[first : first + _CURVES_PER_PLOT], len(units) > 1, devices))
+    return plots[:MAX_SIGNALS]
 
 
 def _plot(info: ChannelInfo, unit: str, columns: list[ColumnInfo], is_part: bool, devices: int) -> EvidencePlot:

@@ -56,5 +56,4 @@ _REQUEST = TypeAdapter(EvidenceRequest)
 
 
 def request_of(body: dict[str, Any]) -> EvidenceRequest:
-    """A request from JSON."""
     return _REQUEST.validate_python(body)

@@ -17,19 +17,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 
-TICKS = 2**32 - 1
+MAX_TICKS = 2**32 - 1
 LEAST_TICK_S = 1e-7  # the resolution of a unix time as a 64-bit float
 GAP_FACTOR = 2.5  # as on the page (web/src/data/line-breaks.ts)
 BURST_S = 0.05  # and for samples that arrive in bursts
-VISIBLE = 1e-4  # of the values' range: a rounding error below this cannot be seen
-SINGLE = 2.0**-24  # relative rounding error of a 32-bit float
+VISIBLE_SHARE = 1e-4  # of the values' range: a rounding error below this cannot be seen
+FLOAT32_ROUNDING = 2.0**-24  # relative rounding error of a 32-bit float
 
 
 def tick_of(span: float) -> float:
     """Length of a tick for a range, s: 1, 2 or 5 times a power of ten."""
-    least = max(span / TICKS, LEAST_TICK_S)
+    least = max(span / MAX_TICKS, LEAST_TICK_S)
     power = 10.0 ** math.floor(math.log10(least))
     return next(m * power for m in (1, 2, 5, 10) if m * power >= least * (1 - 1e-9))
 
@@ -70,8 +70,8 @@ def _packed(values: Floats) -> NDArray[Any]:
         single = values.astype("<f4")
     if np.array_equal(single.astype(np.float64), values):
         return single
-    error = float(np.abs(values).max()) * SINGLE
-    is_fine = np.isfinite(single).all() and error <= VISIBLE * float(np.ptp(values))
+    error = float(np.abs(values).max()) * FLOAT32_ROUNDING
+    is_fine = np.isfinite(single).all() and error <= VISIBLE_SHARE * float(np.ptp(values))
     return single if is_fine else values.astype("<f8")
 
 
@@ -98,7 +98,7 @@ def embedded(time: Floats, values: Floats, span: tuple[float, float], intervals:
         content["interval"] = (t1 - t0) / intervals
         breaks = np.unique(np.searchsorted(cuts, breaks[np.isin(breaks, cuts)]))
         time = time[cuts]
-    ticks = np.clip(np.rint((time - t0) / tick), 0, TICKS).astype("<u4")
+    ticks = np.clip(np.rint((time - t0) / tick), 0, MAX_TICKS).astype("<u4")
     return content | {"t": _block(blocks, ticks), "breaks": [int(row) for row in breaks]}
 
 

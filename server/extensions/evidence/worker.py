@@ -42,10 +42,10 @@ def write_part(request: ExportRequest, out: Path, with_position: bool, step: Cal
     return write(columns, about, evidence_request, out, step)
 
 
-MOST_BYTES = 20_000_000  # of a file: what mail and ticket systems take
+MAX_BYTES = 20_000_000  # of a file: what mail and ticket systems take
 PER_BYTE = 3 / 4  # of base64
-TRIES = 4
-SPARE = 0.95  # of the room: sizes are known exactly only afterwards
+MAX_ATTEMPTS = 4
+TARGET_SHARE = 0.95  # of the room: sizes are known exactly only afterwards
 
 
 def write(
@@ -57,15 +57,15 @@ def write(
         RecordingError: there is nothing to show, or the page has not been built.
     """
     script, style = _viewer("viewer.js"), _viewer("viewer.css")
-    room = MOST_BYTES - len(script.encode()) - len(style.encode())
-    share = SPARE
-    for _ in range(TRIES):
+    room = MAX_BYTES - len(script.encode()) - len(style.encode())
+    share = TARGET_SHARE
+    for _ in range(MAX_ATTEMPTS):
         content, blocks = content_of(store, about, request, round(room * share * PER_BYTE), step)
         pieces = [piece.encode() for piece in document(content, blocks, script, style)]
         size = sum(map(len, pieces))
-        if size <= MOST_BYTES:
+        if size <= MAX_BYTES:
             break
-        share *= SPARE * (room * share) / (room * share + size - MOST_BYTES) if blocks.size else 0.5
+        share *= TARGET_SHARE * (room * share) / (room * share + size - MAX_BYTES) if blocks.size else 0.5
     else:
         raise RecordingError("The file would exceed 20 MB.", "Choose a shorter range or fewer plots.")
     write_atomic(out, b"".join(pieces), SHARED)

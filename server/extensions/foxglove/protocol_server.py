@@ -34,7 +34,7 @@ from imuscope.server.concurrency.tasks import end_tasks
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 DATA = struct.Struct("<BIQ")
-BACKLOG = 4096  # messages queued for one viewer: two seconds at 2 kHz
+MAX_BACKLOG = 4096  # messages queued for one viewer: two seconds at 2 kHz
 MAX_UP = 64 * 1024  # a subscribe to all of a few thousand channels
 MAX_SUBSCRIPTIONS = 10_000  # of one viewer
 MAX_VIEWERS = 32
@@ -48,7 +48,7 @@ class FoxgloveClient:
     """WebSocket connection of a Foxglove client, with its subscriptions."""
 
     words: deque[str] = field(default_factory=deque)  # never dropped
-    data: deque[bytes] = field(default_factory=lambda: deque(maxlen=BACKLOG))
+    data: deque[bytes] = field(default_factory=lambda: deque(maxlen=MAX_BACKLOG))
     channels: dict[int, int] = field(default_factory=dict)  # by subscription
     wake_event: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -95,28 +95,28 @@ class FoxgloveServer:
         text = base64.b64encode(schema).decode() if schema_encoding == "protobuf" else schema.decode()
         about = {"topic": topic, "encoding": encoding, "schemaName": name, "schema": text}
         with self._lock:
-            id, self._next = self._next, self._next + 1
-            self._channels[id] = {"id": id, **about, "schemaEncoding": schema_encoding}
-            self._send_text(_advertise([self._channels[id]]))
-        return id
+            number, self._next = self._next, self._next + 1
+            self._channels[number] = {"id": number, **about, "schemaEncoding": schema_encoding}
+            self._send_text(_advertise([self._channels[number]]))
+        return number
 
     def withdraw(self, ids: Sequence[int]) -> None:
         """Remove channels."""
         with self._lock:
-            for id in ids:
-                del self._channels[id]
-                for viewer, subscription in self._listeners.pop(id, []):
+            for number in ids:
+                del self._channels[number]
+                for viewer, subscription in self._listeners.pop(number, []):
                     del viewer.channels[subscription]
             self._send_text(json.dumps({"op": "unadvertise", "channelIds": list(ids)}))
 
-    def is_wanted(self, id: int) -> bool:
+    def is_wanted(self, number: int) -> bool:
         """Whether a client has subscribed."""
-        return id in self._listeners
+        return number in self._listeners
 
-    def send(self, id: int, time_ns: int, body: bytes) -> None:
+    def send(self, number: int, time_ns: int, body: bytes) -> None:
         """Send a message of a channel to its subscribers."""
         with self._lock:
-            for viewer, subscription in self._listeners.get(id, ()):
+            for viewer, subscription in self._listeners.get(number, ()):
                 viewer.data.append(DATA.pack(1, subscription, time_ns) + body)
                 self._wake_client(viewer)
 

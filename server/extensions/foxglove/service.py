@@ -26,7 +26,7 @@ from imuscope.server.services.services import Services
 from imuscope.server.streaming.telemetry import Telemetry
 
 MODULE = "imuscope.server.extensions.foxglove.worker"
-OFF = -1
+NO_PORT = -1
 START_S = 60.0
 AGAIN_S, LONGEST_S = 1.0, 60.0
 STEADY_S = 120.0  # after running this long, the next crash counts as the first
@@ -59,7 +59,7 @@ class Foxglove:
 
     def start(self) -> None:
         """Start in the background, if configured."""
-        if self._wanted_port != OFF:
+        if self._wanted_port != NO_PORT:
             self._served = asyncio.get_running_loop().create_future()
             self.process.start()
 
@@ -109,6 +109,5 @@ class Foxglove:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     service = Foxglove(services.telemetry, services.config.of(FoxgloveSettings).foxglove, services.access)
     yield ServicePart("Foxglove", service, service.close, service.start)

@@ -58,7 +58,7 @@ class TopicRegistry:
 
     @property
     def all(self) -> list[int]:
-        return [id for id in (self.plain, self.transform, self.fix) if id]
+        return [number for number in (self.plain, self.transform, self.fix) if number]
 
 
 class ConnectionGuard:
@@ -125,17 +125,17 @@ class FoxgloveBridge:
         """Advertise new channels, remove old ones."""
         with self._lock:
             unique = device_names(self._client.announced)
-            infos = {id: info for id, info in self._client.channels.items() if info["device"] in unique}
-            names = {id: unique[info["device"]] for id, info in infos.items()}
-            for id in [id for id, topics in self._topics.items() if names.get(id) != topics.device]:
-                topics = self._topics.pop(id)
+            infos = {number: info for number, info in self._client.channels.items() if info["device"] in unique}
+            names = {number: unique[info["device"]] for number, info in infos.items()}
+            for number in [number for number, topics in self._topics.items() if names.get(number) != topics.device]:
+                topics = self._topics.pop(number)
                 self._names_in_use -= set(topics.topics)
                 self._server.withdraw(topics.all)
             entities = {device.id: device for device in devices_of(self._client.announced, list(infos.values()))}
-            for id, info in infos.items():
-                if id not in self._topics:
-                    self._topics[id] = self._advertise(names[id], info)
-                self._also(self._topics[id], info, entities[info["device"]])
+            for number, info in infos.items():
+                if number not in self._topics:
+                    self._topics[number] = self._advertise(names[number], info)
+                self._also(self._topics[number], info, entities[info["device"]])
         self._subscribe()
 
     def on_message(self, message: Sequence[SampleFrame]) -> None:
@@ -216,11 +216,12 @@ class FoxgloveBridge:
     def _subscribe(self) -> None:
         """Request only the channels with subscribers."""
         with self._lock:
-            requested_ids = {id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all))}
-            places = [topics.position for topics in self._topics.values() if self._server.is_wanted(topics.fix)]
+            is_wanted = self._server.is_wanted
+            subscribed = {number for number, topics in self._topics.items() if any(map(is_wanted, topics.all))}
+            places = [topics.position for topics in self._topics.values() if is_wanted(topics.fix)]
             heights = {place.height for place in places if place and place.height}
-            self._heights = {id: self._heights.get(id) for id in heights}
-            ids = sorted(requested_ids | heights)
+            self._heights = {number: self._heights.get(number) for number in heights}
+            ids = sorted(subscribed | heights)
             if ids != self._requested:
                 self._requested = ids
                 self._client.subscribe(ids)

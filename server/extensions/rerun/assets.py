@@ -23,7 +23,7 @@ from imuscope.recordings.system.atomic_write import write_atomic
 from imuscope.server.integrations.viewer_process import ViewError
 
 NAMES = ("re_viewer.js", "re_viewer_bg.wasm")
-LEVEL = 6  # of compression: 9 takes three times as long for 1 % less
+COMPRESSION_LEVEL = 6  # of compression: 9 takes three times as long for 1 % less
 START_S = 20.0
 MAX_BYTES = 200 << 20  # of one file: several times what it is today
 
@@ -108,4 +108,4 @@ def _keep(address: str, path: Path) -> None:
         data = answer.read(MAX_BYTES + 1)
     if len(data) > MAX_BYTES:
         raise ViewError("The viewer of the installed Rerun is too large.", "Install the version that imuscope names.")
-    write_atomic(path, gzip.compress(data, LEVEL, mtime=0))
+    write_atomic(path, gzip.compress(data, COMPRESSION_LEVEL, mtime=0))

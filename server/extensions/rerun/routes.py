@@ -31,7 +31,7 @@ from imuscope.server.api.static_files import HEADERS
 from imuscope.server.concurrency.tasks import until_one_ends
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.rerun.assets import NAMES, folder_of, viewer_files
-from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_of
+from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, MAX_WHOLE_ROWS, limit_of
 from imuscope.server.extensions.rerun.service import Rerun, RerunFeed, RerunViewer, recording_stream
 
 router = lazy_router()
@@ -59,6 +59,7 @@ PAGE_HEADERS = {**HEADERS, "content-security-policy": "; ".join(POLICY)}
 TRY_LATER = 1013  # code of a closed WebSocket (IANA registry)
 SEND_S = 10.0  # a browser that does not take a batch for this long is disconnected
 LAG_INTERVAL_S = 0.5
+AS_MUCH = "as much as a browser can hold, not as much as it draws smoothly"  # of what a recording has
 
 
 Time = Annotated[float | None, Query(description="unix seconds")]
@@ -137,14 +138,14 @@ async def get_amount(
     store: OneStore,
     t0: Time = None,
     t1: Time = None,
-    all: Annotated[bool, Query(description="as much as a browser can hold, not as much as it draws smoothly")] = False,
+    as_much: Annotated[bool, Query(alias="all", description=AS_MUCH)] = False,
 ) -> ViewerQuery:
     """Share of the recording that the embedded Rerun viewer gets: a browser cannot hold an hour of a fast device."""
     begin, end = _stretch(t0, t1)
-    limit = await asyncio.to_thread(limit_of, store, begin, end, as_much=all)
+    limit = await asyncio.to_thread(limit_of, store, begin, end, as_much=as_much)
     first, last = store.span() or (0.0, 0.0)
     span = max(0.0, min(end, last) - max(begin, first))
-    whole_s = span * min(1.0, WHOLE / max(1, limit.rows))
+    whole_s = span * min(1.0, MAX_WHOLE_ROWS / max(1, limit.rows))
     return ViewerQuery(rows=limit.rows, shown=limit.shown, most=limit.most, every=limit.every, whole_s=whole_s)
 
 

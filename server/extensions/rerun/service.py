@@ -33,13 +33,13 @@ from imuscope.server.system.workers import Worker
 log = logging.getLogger("imuscope.views")
 
 STREAM, FEED = "imuscope.server.extensions.rerun.stream_worker", "imuscope.server.extensions.rerun.worker"
-PIECE = 1 << 16
+PIECE_BYTES = 1 << 16
 MAX_STREAMS = 4  # at once: each is a process of a hundred MB
 MAX_FEEDS = 4
 KEPT_BYTES = 32 << 20  # of a feed: about half a minute of three devices
 MAX_LIVE = 20  # live batches queued for a browser: one second
 PAST_BYTES = 16 << 20  # stored batches queued for a browser
-AHEAD = 4  # batches sent to a browser before it acknowledges them; more would only become stale in it
+MAX_UNACKNOWLEDGED = 4  # batches sent to a browser before it acknowledges them; more would only become stale in it
 IDLE_S = 10.0
 
 
@@ -55,7 +55,7 @@ async def recording_stream(request: Mapping[str, Any], slots: asyncio.Semaphore)
         words = asyncio.create_task(worker.errors.read(), name="rerun stream: errors")
         try:
             worker.request(request)
-            while piece := await worker.output.read(PIECE):
+            while piece := await worker.output.read(PIECE_BYTES):
                 yield piece
             if await worker.wait() != 0:
                 log.warning("a stream for the Rerun viewer ended: %s", (await words).decode(errors="replace")[-500:])
@@ -105,7 +105,7 @@ class RerunViewer:
         while True:
             if self.lost:
                 raise ViewError(self.lost)
-            if self.sent - self.is_taken < AHEAD:
+            if self.sent - self.is_taken < MAX_UNACKNOWLEDGED:
                 self.sent += 1
                 if self.is_idle:
                     return 0.0, self.is_idle.popleft()
@@ -135,7 +135,6 @@ class RerunFeed:
         self.viewers: set[RerunViewer] = set()
 
     async def start(self) -> None:
-        """Start the stream."""
         self._process = ViewerProcess(self._telemetry.clients, FEED, self._on_report, self._crashed)
         try:
             await self._process.start()
@@ -213,7 +212,6 @@ class Rerun:
         self.slots = asyncio.Semaphore(MAX_STREAMS)
 
     async def start(self) -> None:
-        """Start the stream to a remote viewer, if configured."""
         if self._remote is not None:
             self._remote.process.start()
 
@@ -251,7 +249,6 @@ class Rerun:
             self._stopping = asyncio.get_running_loop().create_task(feed.stop(), name="rerun feed stops")
 
     async def close(self) -> None:
-        """End all streams."""
         stops = [feed.stop() for feed in self.feeds.values()]
         if self._remote is not None:
             stops.append(self._remote.process.close())
@@ -260,7 +257,6 @@ class Rerun:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     service = Rerun(services.telemetry, services.config.of(RerunSettings).rerun_connect)
     yield ServicePart("Rerun", service, service.close, service.start)
 

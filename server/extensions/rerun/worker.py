@@ -82,7 +82,7 @@ class RerunBatcher:
         self._infos = {int(info["id"]): info for info in newest.values()}
         named = [one for one in self._client.announced if not self._device or one["id"] == self._device]
         self._devices = {device.id: device for device in devices_of(named, list(self._infos.values()))}
-        self._paths = {id: path for id, path in self._paths.items() if id in self._devices}
+        self._paths = {device_id: path for device_id, path in self._paths.items() if device_id in self._devices}
         self._words = {place: word for place, word in self._words.items() if place[0] in self._infos}
         devices = list(self._devices.values())
         logs = [

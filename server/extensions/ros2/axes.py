@@ -11,11 +11,9 @@ At rest and level a device reports an acceleration of +g upwards: z is +9.81 in 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import ENU_FROM, Quaternion, product
-
-Floats = NDArray[np.float64]
 
 FLIP = np.array([1.0, -1.0, -1.0])  # FRD and FLU: half a turn about x
 FLU_FROM: Mapping[str, Floats] = {"FLU": np.ones(3), "FRD": FLIP}

@@ -32,7 +32,7 @@ from imuscope.server.extensions.ros2.messages import builders_of, clock_builder
 from imuscope.server.extensions.ros2.quantities import HINT, Place, recorded_quantities
 from imuscope.server.wire.codec import SampleFrame
 
-ROWS = 512  # of the busiest channel at once: fewer than a join keeps
+CHUNK_ROWS = 512  # of the busiest channel at once: fewer than a join keeps
 ATTITUDE, TRANSFORM = "imu/data", "/tf"
 
 
@@ -65,7 +65,7 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
             )
             for topic, kind in {topic: builder.type for topic, builder in topics}.items()
         }
-        for window in windows(request.columns, ranges, ROWS):
+        for window in windows(request.columns, ranges, CHUNK_ROWS):
             samples = {
                 channel: [_frame(request, channel, *rows)] for channel, rows in window.items() if rows[1] > rows[0]
             }

@@ -33,13 +33,13 @@ class RowEncoder:
         lengths: every sequence that is not empty, by its path: {"transforms": 1}.
     """
 
-    def __init__(self, type: str, texts: Mapping[str, str], lengths: Mapping[str, int] | None = None) -> None:
+    def __init__(self, type_name: str, texts: Mapping[str, str], lengths: Mapping[str, int] | None = None) -> None:
         self._texts, self._lengths = texts, lengths or {}
         self._template = bytearray(HEADER)
         self._names: list[str] = []
         self._formats: list[tuple[str, tuple[int, ...]]] = []
         self._offsets: list[int] = []
-        self._place(type, "")
+        self._place(type_name, "")
         self._dtype = np.dtype(
             {
                 "names": self._names,
@@ -66,8 +66,8 @@ class RowEncoder:
             rows[path] = value
         return [bytes(data[at : at + size]) for at in range(0, n * size, size)]
 
-    def _place(self, type: str, path: str) -> None:
-        for name, inner, count in fields_of(type):
+    def _place(self, type_name: str, path: str) -> None:
+        for name, inner, count in fields_of(type_name):
             place = f"{path}.{name}" if path else name
             if count is None:
                 self._field(inner, place)
@@ -80,21 +80,21 @@ class RowEncoder:
                 for number in range(length):
                     self._field(inner, f"{place}.{number}")
 
-    def _field(self, type: str, path: str) -> None:
-        if type == "string":
+    def _field(self, type_name: str, path: str) -> None:
+        if type_name == "string":
             text = self._texts.get(path, "").encode() + b"\x00"
             self._constant("I", len(text), 4)
             self._template += text
-        elif type in SIZES:
-            self._number(type, path, ())
+        elif type_name in SIZES:
+            self._number(type_name, path, ())
         else:
-            self._place(type, path)
+            self._place(type_name, path)
 
-    def _number(self, type: str, path: str, shape: tuple[int, ...]) -> None:
-        size = SIZES[type]
+    def _number(self, type_name: str, path: str, shape: tuple[int, ...]) -> None:
+        size = SIZES[type_name]
         self._align(size)
         self._names.append(path)
-        self._formats.append((FORMATS[type], shape))
+        self._formats.append((FORMATS[type_name], shape))
         self._offsets.append(len(self._template))
         self._template += bytes(size * int(np.prod(shape)))
 
@@ -115,7 +115,7 @@ FORMATS = {
     "float32": "<f4",
     "float64": "<f8",
 }
-SIZES = {name: np.dtype(format).itemsize for name, format in FORMATS.items()}
+SIZES = {name: np.dtype(dtype).itemsize for name, dtype in FORMATS.items()}
 
 
 def stamp_columns(times_ns: NDArray[np.int64], path: str = "header.stamp") -> Iterator[tuple[str, NDArray[np.int64]]]:

@@ -29,7 +29,7 @@ COVARIANCES: Mapping[str, Sequence[tuple[str, str]]] = {
 QUANTITIES = ("turn", "acceleration", "field", "tilt", "heading", "position", "velocity")
 NOT_KNOWN_HEADING = math.pi / math.sqrt(3)  # rad: any direction is as likely as any other
 MEASURED = {"turn": "gyroscope", "acceleration": "accelerometer"}
-LONGEST = 1 << 16  # bytes of a file
+MAX_FILE_BYTES = 1 << 16  # bytes of a file
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ def _measured(path: str) -> Mapping[str, float]:
     """Densities that `imuscope analyse` has written for Kalibr: name: value in each line."""
     try:
         with Path(path).open(encoding="utf-8", errors="replace") as file:
-            text = file.read(LONGEST)
+            text = file.read(MAX_FILE_BYTES)
     except OSError as error:
         raise ValueError(f"{path} cannot be read: {(error.strerror or str(error)).lower()}.") from None
     densities = {}

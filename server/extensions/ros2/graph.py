@@ -106,16 +106,16 @@ class RosGraph:
         """Withdraw a node; its publishers are closed before."""
         self._tokens.pop(node.number).undeclare()
 
-    def add_publisher(self, node: RosNode, topic: str, type: str) -> TopicPublisher:
+    def add_publisher(self, node: RosNode, topic: str, type_name: str) -> TopicPublisher:
         """Announce a publisher of a node, under a topic with its namespace."""
-        endpoint = RosEndpoint(node, self._number(), "publisher", topic, type, type_hash(type), self._qos)
+        endpoint = RosEndpoint(node, self._number(), "publisher", topic, type_name, type_hash(type_name), self._qos)
         return TopicPublisher(self._session, endpoint, self._changed)
 
-    def subscribers(self, topic: str, type: str, hash: str) -> tuple[int, list[RosEndpoint]]:
+    def subscribers(self, topic: str, ros_type: str, rihs: str) -> tuple[int, list[RosEndpoint]]:
         """Number of subscribers of a topic, and those that expect another type and so get nothing."""
         with self._lock:
             matches = [one for one in self._subscribers.values() if one.topic == topic]
-        other = [one for one in matches if one.type != type or (one.hash != hash and one.hash.startswith("RIHS"))]
+        other = [one for one in matches if one.type != ros_type or (one.hash != rihs and one.hash.startswith("RIHS"))]
         return len(matches) - len(other), other
 
     def close(self) -> None:

@@ -1,10 +1,10 @@
 """Rows of several channels as rows of one: what a message with several quantities needs. Pure.
 
     driver    t0    t1    t2    t3           one message for each of its rows
-    other     t0          t2                 the row of the same time, else the last one before, at most MAX_AGE old
+    other     t0          t2                 the row of the same time, else the last one before, at most MAX_AGE_NS old
 
 Channels of one message of the device have the same times and arrive together. Another message with the same time may
-arrive a moment later: rows of the driver wait for it, at most WAIT.
+arrive a moment later: rows of the driver wait for it, at most WAIT_NS.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.exporters.topics import stamps
-from imuscope.server.extensions.ros2.axes import Floats
 from imuscope.server.extensions.ros2.quantities import Place
 from imuscope.server.wire.codec import SampleFrame
 
 Times = NDArray[np.int64]
 
-WAIT = 50_000_000  # ns
-MAX_AGE = 500_000_000  # ns
+WAIT_NS = 50_000_000  # ns
+MAX_AGE_NS = 500_000_000  # ns
 MAX_ROWS = 1024  # rows of a channel
 
 
@@ -80,9 +80,9 @@ class RowJoin:
         until = int(times[-1])
         for name, place in self._others.items():
             newest = self._recent[name].newest
-            if place.message != self._driver.message and newest is not None and until - newest < MAX_AGE:
+            if place.message != self._driver.message and newest is not None and until - newest < MAX_AGE_NS:
                 until = min(until, newest)
-        until = max(until, int(times[-1]) - WAIT)
+        until = max(until, int(times[-1]) - WAIT_NS)
         return int(np.searchsorted(times, until, "right"))
 
 
@@ -124,7 +124,7 @@ class RecentRows:
         result = np.full((len(times), self._values.shape[1]), np.nan)
         index = np.searchsorted(self.times, times, "right") - 1
         rows = np.flatnonzero(index >= 0)
-        rows = rows[times[rows] - self.times[index[rows]] <= MAX_AGE]
+        rows = rows[times[rows] - self.times[index[rows]] <= MAX_AGE_NS]
         result[rows] = self._values[index[rows]]
         return result
 

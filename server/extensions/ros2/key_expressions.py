@@ -140,7 +140,6 @@ class RosEndpoint:
 
     @property
     def token(self) -> str:
-        """Key expression of its liveliness token."""
         topic = "/".join((mangled(self.topic), mangled(dds_type(self.type)), self.hash, self.qos.text))
         return f"{self.node.token_part(self.number, _KINDS[self.kind])}/{topic}"
 
@@ -150,15 +149,15 @@ class RosEndpoint:
         return topic_key(self.node.domain, self.topic, self.type, self.hash)
 
 
-def topic_key(domain: int, topic: str, type: str, hash: str = ANY_HASH) -> str:
+def topic_key(domain: int, topic: str, type_name: str, rihs: str = ANY_HASH) -> str:
     """Key expression of the messages of a topic.
 
     Args:
         topic: "/robot/imu/data".
-        type: "sensor_msgs/msg/Imu".
-        hash: of the type; ANY_HASH for a subscriber that takes every version of it.
+        type_name: "sensor_msgs/msg/Imu".
+        rihs: hash of that type; ANY_HASH for a subscriber that takes every version of it.
     """
-    return f"{domain}/{topic.strip('/')}/{dds_type(type)}/{hash}"
+    return f"{domain}/{topic.strip('/')}/{dds_type(type_name)}/{rihs}"
 
 
 def parse_topic_key(key: str) -> tuple[int, str, str, str]:
@@ -167,10 +166,10 @@ def parse_topic_key(key: str) -> tuple[int, str, str, str]:
     Raises:
         KeyExpressionError: not of that form.
     """
-    domain, *topic, type, hash = key.split("/") if key.count("/") >= 3 else ("", "", "", "")
+    domain, *topic, dds_name, rihs = key.split("/") if key.count("/") >= 3 else ("", "", "", "")
     if not domain.isdecimal():
         raise KeyExpressionError(f"{key!r} is not a topic of ROS 2")
-    return int(domain), "/" + "/".join(topic), ros_type(type), hash
+    return int(domain), "/" + "/".join(topic), ros_type(dds_name), rihs
 
 
 def graph_pattern(domain: int) -> str:
@@ -196,9 +195,9 @@ def parse_token(token: str) -> RosNode | RosEndpoint:
         return node
     if kind not in _KIND_OF or len(names) < 7:
         raise KeyExpressionError(f"{token!r} is not a liveliness token of ROS 2")
-    topic, type, hash, qos = names[3:7]  # newer versions may append parts
+    topic, dds_name, rihs, qos = names[3:7]  # newer versions may append parts
     return RosEndpoint(
-        node, int(entity), _KIND_OF[kind], demangled(topic), ros_type(demangled(type)), hash, QosProfile.parse(qos)
+        node, int(entity), _KIND_OF[kind], demangled(topic), ros_type(demangled(dds_name)), rihs, QosProfile.parse(qos)
     )
 
 
@@ -212,30 +211,30 @@ def demangled(part: str) -> str:
     return part.replace(_SLASH, "/")
 
 
-def dds_type(type: str) -> str:
+def dds_type(type_name: str) -> str:
     """The name of a type on the wire: sensor_msgs/msg/Imu is sensor_msgs::msg::dds_::Imu_.
 
     Raises:
         KeyExpressionError: not of the form package/msg/Name.
     """
-    parts = _ROS_TYPE.fullmatch(type)
+    parts = _ROS_TYPE.fullmatch(type_name)
     if parts is None:
-        raise KeyExpressionError(f"{type!r} is not a type of ROS 2, such as sensor_msgs/msg/Imu")
+        raise KeyExpressionError(f"{type_name!r} is not a type of ROS 2, such as sensor_msgs/msg/Imu")
     return f"{parts[1]}::{parts[2]}::dds_::{parts[3]}_"
 
 
-def ros_type(type: str) -> str:
+def ros_type(dds_name: str) -> str:
     """The name of a type in ROS 2, of its name on the wire; other names stay as they are."""
-    parts = _DDS_TYPE.fullmatch(type)
-    return type if parts is None else f"{parts[1]}/{parts[2]}/{parts[3]}"
+    parts = _DDS_TYPE.fullmatch(dds_name)
+    return dds_name if parts is None else f"{parts[1]}/{parts[2]}/{parts[3]}"
 
 
 def node_names(devices: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """Unique name of the node of each device, by its id."""
     names: dict[str, str] = {}
-    for id, name in device_names(devices).items():
+    for device_id, name in device_names(devices).items():
         full_name = name_of(name)
-        names[id] = f"{full_name}_{name_of(id)}" if full_name in names.values() else full_name
+        names[device_id] = f"{full_name}_{name_of(device_id)}" if full_name in names.values() else full_name
     return names
 
 

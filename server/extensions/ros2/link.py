@@ -171,10 +171,10 @@ class Ros2Link(MessageLink):
         absent = [topic for topic in self.where.topics if topic not in by_name]
         if absent:
             reasons.append(missing_topic(absent, available, self.where.place))
-        for topic, type in list(self._subscribed.items()):  # a thread adds to it
+        for topic, type_name in list(self._subscribed.items()):  # a thread adds to it
             types = {one.type for one in available if one.name == topic}
-            if types and type not in types:
-                reasons.append(other_type(by_name[topic], type))
+            if types and type_name not in types:
+                reasons.append(other_type(by_name[topic], type_name))
         for one in available:
             if one.name in self.where.topics and not is_known(one.type):
                 reasons.append(f"{one.name} is {one.type}, whose definition is not known here.")
@@ -188,12 +188,12 @@ class Ros2Link(MessageLink):
     # -- from threads of Zenoh -----------------------------------------------------------------------------------------
 
     def _subscribe(self, session: zenoh.Session, topics: dict[str, str]) -> None:
-        for number, (topic, type) in enumerate(topics.items(), start=len(self._subscribed) + 1):
-            self._subscribed[topic] = type
-            if not is_known(type):
+        for n, (topic, type_name) in enumerate(topics.items(), start=len(self._subscribed) + 1):
+            self._subscribed[topic] = type_name
+            if not is_known(type_name):
                 continue
-            endpoint = RosEndpoint(self._node, number, "subscriber", topic, type, type_hash(type), QosProfile())
-            key = topic_key(self.domain, topic, type, ANY_HASH)
+            endpoint = RosEndpoint(self._node, n, "subscriber", topic, type_name, type_hash(type_name), QosProfile())
+            key = topic_key(self.domain, topic, type_name, ANY_HASH)
             self._declared.append(session.declare_subscriber(key, self._on_sample))
             self._declared.append(session.liveliness().declare_token(endpoint.token))
 
@@ -231,11 +231,11 @@ class Ros2Link(MessageLink):
     def _channel_of(self, key: str, gid: bytes) -> int:
         """The channel of a publisher; 0 for messages that cannot be decoded."""
         try:
-            _, topic, type, hash = parse_topic_key(key)
-            if hash.startswith(HASHED) and hash != type_hash(type):
+            _, topic, type_name, rihs = parse_topic_key(key)
+            if rihs.startswith(HASHED) and rihs != type_hash(type_name):
                 self._unusable.add(topic)
                 return 0
-            about = (topic, "cdr", type, "ros2msg", definition(type).encode())
+            about = (topic, "cdr", type_name, "ros2msg", definition(type_name).encode())
         except (KeyExpressionError, TypeSupportError):
             return 0
         return self.channel(*about, publisher=self._name_of(gid)) or self.channel(*about)

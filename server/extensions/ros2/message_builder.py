@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import quaternions
-from imuscope.server.extensions.ros2.axes import Floats, body_vectors, enu_from_flu
+from imuscope.server.extensions.ros2.axes import body_vectors, enu_from_flu
 from imuscope.server.extensions.ros2.cdr_rows import RowEncoder, stamp_columns
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin
 from imuscope.server.extensions.ros2.quantities import DeviceQuantities, Place
@@ -51,7 +52,7 @@ class MessageBuilder:
 
     def __init__(
         self,
-        type: str,
+        type_name: str,
         join: RowJoin,
         channels: set[int],
         columns: Callable[[RowBlock, float], Columns],
@@ -61,7 +62,7 @@ class MessageBuilder:
         stamp: str = "header.stamp",
         keep: Callable[[RowBlock], Mask] | None = None,
     ) -> None:
-        self.type, self.channels = type, channels
+        self.type, self.channels = type_name, channels
         self.left_out = 0
         self._join, self._columns, self._stamp, self._keep = join, columns, stamp, keep
         self._texts, self._lengths = texts, lengths
@@ -120,10 +121,10 @@ class RateEstimate:
 
 
 def alone(
-    type: str, place: Place, columns: Callable[[RowBlock, float], Columns], texts: Mapping[str, str]
+    type_name: str, place: Place, columns: Callable[[RowBlock, float], Columns], texts: Mapping[str, str]
 ) -> MessageBuilder:
     """The builder of a quantity of one channel; rows with a value that is not a number are left out."""
-    return MessageBuilder(type, RowJoin(place, {}), {place.channel}, columns, texts, keep=finite)
+    return MessageBuilder(type_name, RowJoin(place, {}), {place.channel}, columns, texts, keep=finite)
 
 
 def finite(block: RowBlock) -> Mask:

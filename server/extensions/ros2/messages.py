@@ -25,10 +25,11 @@ from dataclasses import asdict
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import quaternions
 from imuscope.recordings.exporters.enu import is_place
-from imuscope.server.extensions.ros2.axes import Floats, body_vectors, world_vectors
+from imuscope.server.extensions.ros2.axes import body_vectors, world_vectors
 from imuscope.server.extensions.ros2.cdr_rows import stamp_columns
 from imuscope.server.extensions.ros2.covariances import NOT_KNOWN_HEADING, SensorNoise
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin, Times
@@ -152,10 +153,10 @@ def _velocity(place: Place | None, frames: FrameNames, noise: SensorNoise) -> Me
     return alone(TWIST, place, columns, {"header.frame_id": frames.map if is_world else frames.device})
 
 
-def _scalar(type: str, path: str, place: Place | None, frames: FrameNames) -> MessageBuilder | None:
+def _scalar(type_name: str, path: str, place: Place | None, frames: FrameNames) -> MessageBuilder | None:
     if place is None:
         return None
-    return alone(type, place, lambda block, rate: {path: block.values[:, 0]}, {"header.frame_id": frames.device})
+    return alone(type_name, place, lambda block, rate: {path: block.values[:, 0]}, {"header.frame_id": frames.device})
 
 
 def _fix(of: GnssPlaces | None, frames: FrameNames) -> MessageBuilder | None:

@@ -13,9 +13,10 @@ Source: common_interfaces (Jazzy); REP 103, REP 105: the pose is in header.frame
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import to_body
 from imuscope.recordings.exporters.enu import Origin, enu_of, enu_turns, is_place
-from imuscope.server.extensions.ros2.axes import Floats, world_vectors
+from imuscope.server.extensions.ros2.axes import world_vectors
 from imuscope.server.extensions.ros2.covariances import NOT_KNOWN_HEADING, SensorNoise
 from imuscope.server.extensions.ros2.joined_rows import RowBlock, RowJoin
 from imuscope.server.extensions.ros2.message_builder import (
@@ -30,7 +31,7 @@ from imuscope.server.extensions.ros2.message_builder import (
 from imuscope.server.extensions.ros2.quantities import WORLD_FRAMES, DeviceQuantities, Place
 
 TWIST, ODOMETRY = "geometry_msgs/msg/TwistWithCovarianceStamped", "nav_msgs/msg/Odometry"
-AXES = 6  # x, y, z, then about x, y, z
+AXIS_COUNT = 6  # x, y, z, then about x, y, z
 
 
 def twist(of: DeviceQuantities, frames: FrameNames, noise: SensorNoise) -> MessageBuilder | None:
@@ -46,7 +47,7 @@ def twist(of: DeviceQuantities, frames: FrameNames, noise: SensorNoise) -> Messa
         vectors = _enu(block.values, speed.place.frame, block.others.get("place"))
         sigma = _sigma(block, "accuracy", noise.deviation("velocity"))
         covariance = _covariance([sigma, sigma, sigma])
-        covariance[:, 3 * AXES + 3] = -1.0
+        covariance[:, 3 * AXIS_COUNT + 3] = -1.0
         return {**xyz("twist.twist.linear", vectors), "twist.covariance": covariance}
 
     def keep(block: RowBlock) -> Mask:
@@ -92,7 +93,7 @@ def odometry(of: DeviceQuantities, frames: FrameNames, noise: SensorNoise) -> Me
         density = noise.deviation("turn", rate)
         moving = _covariance([sigma] * 3 + [np.full(n, density)] * 3)
         is_known = np.asarray(np.isfinite(turn).all(axis=1)) & (density > 0)
-        moving[~is_known, 3 * AXES + 3] = -1.0
+        moving[~is_known, 3 * AXIS_COUNT + 3] = -1.0
         return {
             **xyz("pose.pose.position", enu_of(lat, lon, height, origin[0])),
             **{f"pose.pose.orientation.{axis}": q[:, at] for at, axis in enumerate("wxyz")},
@@ -111,11 +112,11 @@ def odometry(of: DeviceQuantities, frames: FrameNames, noise: SensorNoise) -> Me
 
 
 def _builder(
-    type: str, driver: Place, others: dict[str, Place | None], columns: object, texts: object, keep: object
+    type_name: str, driver: Place, others: dict[str, Place | None], columns: object, texts: object, keep: object
 ) -> MessageBuilder:
     there = {name: place for name, place in others.items() if place}
     channels = {driver.channel, *(place.channel for place in there.values())}
-    return MessageBuilder(type, RowJoin(driver, there), channels, columns, texts, keep=keep)  # type: ignore[arg-type]
+    return MessageBuilder(type_name, RowJoin(driver, there), channels, columns, texts, keep=keep)  # type: ignore[arg-type]
 
 
 def _enu(vectors: Floats, frame: str, places: Floats | None) -> Floats:
@@ -137,9 +138,9 @@ def _sigma(block: RowBlock, name: str, configured: float) -> Floats:
 
 def _covariance(sigmas: list[Floats]) -> Floats:
     """(n, 36), row by row, of independent standard deviations of the first axes."""
-    covariance = np.zeros((len(sigmas[0]), AXES * AXES))
+    covariance = np.zeros((len(sigmas[0]), AXIS_COUNT * AXIS_COUNT))
     for at, sigma in enumerate(sigmas):
-        covariance[:, at * (AXES + 1)] = sigma**2
+        covariance[:, at * (AXIS_COUNT + 1)] = sigma**2
     return covariance
 
 

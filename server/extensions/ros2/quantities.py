@@ -131,7 +131,6 @@ class DeviceQuantities:
 
     @property
     def channels(self) -> set[int]:
-        """All channels with a quantity."""
         places = [self.turn, self.acceleration, self.attitude_place, self.field, self.velocity, self.pressure]
         places += [self.temperature, self.utc.parts if self.utc else None]
         if self.fix:

@@ -87,7 +87,7 @@ class TopicSwitches:
 
 
 MODULE = "imuscope.server.extensions.ros2.worker"
-PER_S = 80.0  # how often samples are passed on: a message is at most 12 ms late
+PASSES_PER_S = 80.0  # how often samples are passed on: a message is at most 12 ms late
 AGAIN_S, LONGEST_S = 1.0, 60.0
 NAME_S = 3.0  # for a device to be identified before it is announced, if it never was
 STEADY_S = 120.0  # after running this long, the next crash counts as the first
@@ -139,7 +139,9 @@ class Ros2:
         terms = read_contract(self._own.ros2_contract) if self._own.ros2 and self._own.ros2_contract else []
         self._contract = Contract(terms, time.monotonic())
         self.process = KeptProcess(
-            lambda crashed: ViewerProcess(telemetry.clients, MODULE, self._on_report, crashed, PER_S, draws=False),
+            lambda crashed: ViewerProcess(
+                telemetry.clients, MODULE, self._on_report, crashed, PASSES_PER_S, draws=False
+            ),
             self._serve,
             self._crashed,
             Backoff(AGAIN_S, LONGEST_S),
@@ -155,7 +157,6 @@ class Ros2:
         return self._own.ros2
 
     def start(self) -> None:
-        """Start in the background, if configured."""
         if self.is_enabled:
             self._unsubscribe = [self._bus.devices.subscribe(self._on_device)]
             self.process.start()
@@ -213,8 +214,9 @@ class Ros2:
 
     def _on_device(self, info: wire.DeviceInfo) -> None:
         """Announce a device when it is known, in earlier runs too, or has had the time to be."""
-        self._came = {id: since for id, since in self._came.items() if id in self._bus.devices.latest}
-        self._frames = {id: frame for id, frame in self._frames.items() if id in self._bus.devices.latest}
+        latest = self._bus.devices.latest
+        self._came = {key: since for key, since in self._came.items() if key in latest}
+        self._frames = {key: frame for key, frame in self._frames.items() if key in latest}
         if self.process.pid is None:
             return
         now = time.monotonic()
@@ -310,7 +312,6 @@ class Ros2:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     services.sessions.names.give_topics(services.config.of(Ros2Settings).ros2_names)
     service = Ros2(services.telemetry, services.config, sensors_of, services.sessions.names)
     yield ServicePart("ROS 2", service, service.close, service.start)

@@ -132,8 +132,8 @@ class Ros2Bridge:
         with self._lock:
             before = self._announced()
             devices = [one for one in self._client.devices if one["id"] in self._about]
-            for id in set(self._nodes) - {one["id"] for one in devices}:
-                self._remove(id)
+            for device_id in set(self._nodes) - {one["id"] for one in devices}:
+                self._remove(device_id)
             for device in devices:
                 self._update(device)
             self._subscribe()
@@ -142,7 +142,7 @@ class Ros2Bridge:
 
     def _announced(self) -> set[tuple[str, str]]:
         """Topics in the graph, by device."""
-        return {(id, topic) for id, node in self._nodes.items() for topic in node.publishers}
+        return {(device_id, topic) for device_id, node in self._nodes.items() for topic in node.publishers}
 
     def on_samples(self, frames: Sequence[SampleFrame]) -> None:
         """Publish topics that have subscribers."""
@@ -173,10 +173,9 @@ class Ros2Bridge:
         self._watch_router(self._graph.routers)
 
     def close(self) -> None:
-        """Leave the graph."""
         with self._lock:
-            for id in list(self._nodes):
-                self._remove(id)
+            for device_id in list(self._nodes):
+                self._remove(device_id)
             if self._graph is not None:
                 self._graph.close()
                 self._session.close()
@@ -185,11 +184,11 @@ class Ros2Bridge:
 
     def _update(self, device: Mapping[str, Any]) -> None:
         assert self._graph is not None
-        settings, id, about = self._settings, device["id"], self._about[device["id"]]
-        node = self._nodes.get(id)
+        settings, device_id, about = self._settings, device["id"], self._about[device["id"]]
+        node = self._nodes.get(device_id)
         if node is None:
-            node = self._nodes[id] = DeviceNode(self._graph.add_node(settings.namespace, device["topic"]), about)
-        channels = [info for info in self._client.channels.values() if info["device"] == id]
+            node = self._nodes[device_id] = DeviceNode(self._graph.add_node(settings.namespace, device["topic"]), about)
+        channels = [info for info in self._client.channels.values() if info["device"] == device_id]
         quantities = quantities_of(device, channels)
         if quantities != node.quantities or about != node.about or not node.types:
             node.quantities, node.about = quantities, about
@@ -200,16 +199,16 @@ class Ros2Bridge:
             node.builders = {self._full(node, topic): builder for topic, builder in built.items()}
             node.types = {topic: builder.type for topic, builder in node.builders.items()}
             node.types[DIAGNOSTICS_TOPIC] = DIAGNOSTICS
-        enabled = {topic for topic in node.types if self._key(id, node, topic) not in self._disabled}
+        enabled = {topic for topic in node.types if self._key(device_id, node, topic) not in self._disabled}
         for topic in [topic for topic in node.publishers if topic not in enabled]:
             node.publishers.pop(topic).close()
         for topic in node.types:
             if topic in enabled and topic not in node.publishers:
                 node.publishers[topic] = self._graph.add_publisher(node.node, topic, node.types[topic])
 
-    def _remove(self, id: str) -> None:
+    def _remove(self, device_id: str) -> None:
         assert self._graph is not None
-        node = self._nodes.pop(id)
+        node = self._nodes.pop(device_id)
         for publisher in node.publishers.values():
             publisher.close()
         self._graph.remove_node(node.node)
@@ -219,9 +218,9 @@ class Ros2Bridge:
         return topic if topic.startswith("/") else f"{node.node.full_name}/{topic}"
 
     @staticmethod
-    def _key(id: str, node: DeviceNode, topic: str) -> str:
+    def _key(device_id: str, node: DeviceNode, topic: str) -> str:
         """A topic of a device among all, by its id, which its source has in later runs, too."""
-        return f"{id} {topic.removeprefix(f'{node.node.full_name}/')}"
+        return f"{device_id} {topic.removeprefix(f'{node.node.full_name}/')}"
 
     @staticmethod
     def _covariances(node: DeviceNode, topic: str) -> list[str]:
@@ -293,30 +292,30 @@ class Ros2Bridge:
             return
         now = time.monotonic()
         topics = []
-        for id, node in self._nodes.items():
-            rows: list[tuple[str, str, str]] = [(topic, type, "") for topic, type in node.types.items()]
-            for topic, type, _ in rows:
+        for device_id, node in self._nodes.items():
+            rows: list[tuple[str, str, str]] = [(topic, type_name, "") for topic, type_name in node.types.items()]
+            for topic, type_name, _ in rows:
                 publisher = node.publishers.get(topic)
                 state: dict[str, Any] = {"rate": 0.0, "subscribers": 0, "messages": 0, "bytes": 0, "problem": ""}
-                hash = ""
+                rihs = ""
                 if publisher is not None:
-                    hash = publisher.endpoint.hash
-                    count, others = graph.subscribers(topic, type, hash)
+                    rihs = publisher.endpoint.hash
+                    count, others = graph.subscribers(topic, type_name, rihs)
                     state = {
                         "rate": round(publisher.rate.rate(now), 2),
                         "subscribers": max(count, int(publisher.has_subscribers)),
                         "messages": publisher.rate.total,
                         "bytes": publisher.bytes,
-                        "problem": _mismatch(type, others[0].node.full_name, others[0].type) if others else "",
+                        "problem": _mismatch(type_name, others[0].node.full_name, others[0].type) if others else "",
                     }
                 topics.append(
                     {
-                        "key": self._key(id, node, topic),
-                        "device": id,
+                        "key": self._key(device_id, node, topic),
+                        "device": device_id,
                         "node": node.node.full_name,
                         "name": topic,
-                        "type": type,
-                        "hash": hash,
+                        "type": type_name,
+                        "hash": rihs,
                         "enabled": publisher is not None,
                         "frame": node.builders[topic].frame if topic in node.builders else "",
                         "covariances": self._covariances(node, topic),
@@ -324,8 +323,8 @@ class Ros2Bridge:
                     }
                 )
         missing = [
-            {"device": id, "topic": self._full(node, "imu/mag"), "reason": node.quantities.no_field}
-            for id, node in self._nodes.items()
+            {"device": device_id, "topic": self._full(node, "imu/mag"), "reason": node.quantities.no_field}
+            for device_id, node in self._nodes.items()
             if node.quantities.no_field
         ]
         dropped = sum(node.dropped for node in self._nodes.values())
@@ -334,9 +333,9 @@ class Ros2Bridge:
         )
 
 
-def _mismatch(type: str, node: str, expected: str) -> str:
-    if expected == type:
-        return f"{node} subscribes with another definition of {type}, and receives nothing."
+def _mismatch(type_name: str, node: str, expected: str) -> str:
+    if expected == type_name:
+        return f"{node} subscribes with another definition of {type_name}, and receives nothing."
     return f"{node} subscribes as {expected}, and receives nothing."
 
 

@@ -17,7 +17,7 @@ from imuscope.server.extensions.shares.holder.messages import MessageKind
 from imuscope.server.links.read_kernel import SECOND_NS, clock_gettime, read
 
 READ_BYTES = 1 << 12
-ROOM = 1 << 15  # bytes for the server, of which the last read must have room
+SERVER_BYTES = 1 << 15  # bytes for the server, of which the last read must have room
 HEAD_BYTES = 13  # messages.HEADER and messages.STAMP
 AGREED_NS = 8_000_000  # between two writes to the server, see server_connection.SERVER_NS
 _MONOTONIC = time.CLOCK_MONOTONIC
@@ -52,7 +52,7 @@ def relay(
     event = np.empty(4, np.int32)
     timespec = np.empty(2, np.int64)
     buffer = np.empty(READ_BYTES, np.uint8)
-    collected = np.empty(ROOM, np.uint8)
+    collected = np.empty(SERVER_BYTES, np.uint8)
     kind = np.empty(1, np.uint8)
     length = np.empty(1, np.int32)
     kind[0] = _DATA
@@ -100,7 +100,7 @@ def relay(
             if a < count or b < count or c < count or d < count:
                 state = 2
         is_due = now >= flush_ns or now >= until_ns or state != 0
-        if size > 0 and (is_due or ROOM - size < READ_BYTES + HEAD_BYTES):
+        if size > 0 and (is_due or SERVER_BYTES - size < READ_BYTES + HEAD_BYTES):
             sent = write(server, into, size)
             if sent < 0:
                 sent = 0

@@ -43,7 +43,7 @@ ROOT = Path(__file__).absolute().parents[4]  # holds imuscope/
 GREETING_S = 5.0  # until a holder that runs says who it is
 START_S = 30.0  # until one that was started does, from a slow card beside other work
 SILENT_S = 8.0  # more than it is busy with opening a port, for which it waits at most 5 s
-ATTEMPTS, ATTEMPT_S = 10, 0.05
+CONNECT_ATTEMPTS, CONNECT_PAUSE_S = 10, 0.05
 ANSWER_S = 12.0  # until a request is carried out or refused; a client that has the voice delays it by 10 s
 
 
@@ -148,13 +148,13 @@ class SharedPortLink(ThreadedLink):
         """As `_connected`. A holder that ends, or still has an earlier connection of this server, gets the request
         again.
         """
-        for _ in range(ATTEMPTS):
+        for _ in range(CONNECT_ATTEMPTS):
             try:
                 return await self._connected(paths, progress)
             except (LinkError, ConnectionError) as error:
                 if isinstance(error, LinkError) and not self._busy_with == os.getpid():
                     raise
-            await asyncio.sleep(ATTEMPT_S)
+            await asyncio.sleep(CONNECT_PAUSE_S)
         return await self._connected(paths, progress)
 
     async def _connected(

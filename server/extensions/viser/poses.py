@@ -13,14 +13,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import Quaternion, Vector, quaternions
 from imuscope.recordings.exporters import entities, enu
 from imuscope.server.extensions.viser.playout_buffer import PlayoutBuffer
 from imuscope.server.wire.codec import SampleFrame
 
-Floats = NDArray[np.float64]
 Info = Mapping[str, Any]
 
 G = 9.80665  # m/s², standard gravity (CGPM 1901)

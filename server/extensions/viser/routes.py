@@ -28,7 +28,7 @@ from imuscope.server.extensions.viser.replay_sync import ReplayFollower
 from imuscope.server.extensions.viser.service import Viser
 from imuscope.server.http.server import MAX_FROM_VIEWER
 from imuscope.server.integrations.proxy import VIEWER_POLICY, fetch, reject, relay
-from imuscope.server.integrations.viewer_process import PER_S
+from imuscope.server.integrations.viewer_process import FRAMES_PER_S
 
 router = lazy_router()
 
@@ -154,7 +154,7 @@ _DECODER = msgspec.msgpack.Decoder(_TypedMessage)
 async def _follow(viser: Viser, key: str) -> None:
     while True:
         viser.show(key)
-        await asyncio.sleep(1 / PER_S)
+        await asyncio.sleep(1 / FRAMES_PER_S)
 
 
 async def _receive_positions(socket: WebSocket, follower: ReplayFollower) -> None:

@@ -173,7 +173,7 @@ class Scene:
 
     def _build(self) -> None:
         scene = self._server.scene
-        headings = {id: (scene_device.heading, scene_device.start) for id, scene_device in self._device_nodes.items()}
+        headings = {key: (node.heading, node.start) for key, node in self._device_nodes.items()}
         scene.reset()
         scene.set_up_direction("+z")
         self._device_nodes = {}

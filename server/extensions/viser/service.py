@@ -223,6 +223,5 @@ class Viser:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     service = Viser(services.telemetry, services.timings.scene_idle_s)
     yield ServicePart("viser", service, service.close)

@@ -22,10 +22,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
 
-Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
 
 EPOCH_NS = 1_700_000_000 * 10**9

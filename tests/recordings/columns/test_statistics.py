@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imuscope.recordings.columns.statistics import Floats, norm_statistics, statistics, statistics_of, wrapped
+from imuscope.protocols.arrays import Floats
+from imuscope.recordings.columns.statistics import norm_statistics, statistics, statistics_of, wrapped
 from imuscope.recordings.columns.store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from tests.support.each_row import each_row
 

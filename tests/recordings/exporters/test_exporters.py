@@ -215,15 +215,15 @@ def test_plotjuggler_finds_one_table_of_numbers_and_its_time(tmp_path: Path) -> 
         export("csv-plotjuggler", ExportRequest(columns, channels=(4,)), tmp_path / "tables.plotjuggler.csv")
 
 
-@each_row("format", OF_COLUMNS)
-def test_the_stretch_is_exact_and_both_ends_belong_to_it(format: str, tmp_path: Path) -> None:
+@each_row("export_format", OF_COLUMNS)
+def test_the_stretch_is_exact_and_both_ends_belong_to_it(export_format: str, tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     times = columns.exact(1, 0, 1000).time
     wish = ExportRequest(columns, t0=float(times[100]), t1=float(times[200]), channels=(1,))
-    (made,) = export(format, wish, tmp_path / f"run{FORMATS[format].suffix}")
-    if format == "parquet":
+    (made,) = export(export_format, wish, tmp_path / f"run{FORMATS[export_format].suffix}")
+    if export_format == "parquet":
         found = pq.read_table(made).column("time").to_numpy()
-    elif format == "mcap":
+    elif export_format == "mcap":
         with made.open("rb") as file:
             told = make_reader(file).iter_messages(topics=["/MTi-630/Acceleration"])
             found = np.array([message.log_time for _, _, message in told])
@@ -233,8 +233,8 @@ def test_the_stretch_is_exact_and_both_ends_belong_to_it(format: str, tmp_path: 
     np.testing.assert_array_equal(found, times[100:201])
 
 
-@each_row("format", OF_COLUMNS)
-def test_a_cancelled_export_leaves_nothing(format: str, tmp_path: Path) -> None:
+@each_row("export_format", OF_COLUMNS)
+def test_a_cancelled_export_leaves_nothing(export_format: str, tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     (tmp_path / "out").mkdir()
 
@@ -242,17 +242,21 @@ def test_a_cancelled_export_leaves_nothing(format: str, tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        export(format, ExportRequest(columns), tmp_path / "out" / f"run{FORMATS[format].suffix}", stop)
+        export(export_format, ExportRequest(columns), tmp_path / "out" / f"run{FORMATS[export_format].suffix}", stop)
     assert list((tmp_path / "out").iterdir()) == []
 
 
-@each_row("format", ["csv", "csv-aligned", "csv-plotjuggler", "parquet"])
-def test_memory_does_not_grow_with_the_length(format: str, tmp_path: Path) -> None:
+@each_row("export_format", ["csv", "csv-aligned", "csv-plotjuggler", "parquet"])
+def test_memory_does_not_grow_with_the_length(export_format: str, tmp_path: Path) -> None:
     def peak(n: int) -> int:
         columns = store(tmp_path / f"store{n}", n=n, rate=1000.0, devices=1)
         tracemalloc.start()
         try:
-            export(format, ExportRequest(columns, channels=(1, 2, 3)), tmp_path / f"run{n}{FORMATS[format].suffix}")
+            export(
+                export_format,
+                ExportRequest(columns, channels=(1, 2, 3)),
+                tmp_path / f"run{n}{FORMATS[export_format].suffix}",
+            )
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()

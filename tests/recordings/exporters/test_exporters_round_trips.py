@@ -140,9 +140,9 @@ def plain(text: str) -> str:
     return re.sub(r"[._/]+", ".", text)
 
 
-def expected(format: str, request: ExportRequest, out: Path) -> Iterator[tuple[Key, Info, int]]:
+def expected(export_format: str, request: ExportRequest, out: Path) -> Iterator[tuple[Key, Info, int]]:
     """Message and name of each column in a format, and where it is from."""
-    if format in ("csv", "parquet"):
+    if export_format in ("csv", "parquet"):
         made = tables(request)
         for table, path in zip(made, table_paths(request, out, made), strict=True):
             for names, info in zip(table.names, [*table.clocks, *table.channels], strict=True):
@@ -151,50 +151,58 @@ def expected(format: str, request: ExportRequest, out: Path) -> Iterator[tuple[K
     topics = channel_topics(request)
     for info in (*request.clocks, *request.infos):
         topic = topics[info["id"]]
-        if format == "mcap":
+        if export_format == "mcap":
             places = list(schema_of({**info, "kind": ""})["properties"])
             yield from (((topic, str(places.index(field))), info, at) for at, field in enumerate(fields_of(info)))
         elif info["kind"] != "table":
             yield from ((("", plain(f"{topic}/{field}")), info, at) for at, field in enumerate(fields_of(info)))
 
 
-def found(format: str, columns: ColumnStore) -> Mapping[Key, SignalColumn]:
+def found(export_format: str, columns: ColumnStore) -> Mapping[Key, SignalColumn]:
     """Message and name of each column that was read."""
     keys: dict[Key, SignalColumn] = {}
     for info in columns.manifest["channels"]:
         for at, one in enumerate(info["columns"]):
             name = plain(info["name"] if len(info["columns"]) == 1 else f"{info['name']}.{one['name']}")
-            key = (info["message"], str(at) if format == "mcap" else name)
-            keys.setdefault(("", name) if format == "csv-plotjuggler" else key, column(columns, info, at))
+            key = (info["message"], str(at) if export_format == "mcap" else name)
+            keys.setdefault(("", name) if export_format == "csv-plotjuggler" else key, column(columns, info, at))
     return keys
 
 
-def opened_again(format: str, recording: imuscope.Recording, folder: Path) -> imuscope.Recording:
+def opened_again(export_format: str, recording: imuscope.Recording, folder: Path) -> imuscope.Recording:
     """The export, as it is downloaded, opened; an EuRoC folder as it is written."""
-    made = export(format, ExportRequest(store_of(recording), recording.path), folder / f"run{FORMATS[format].suffix}")
-    if format == "euroc":
+    made = export(
+        export_format,
+        ExportRequest(store_of(recording), recording.path),
+        folder / f"run{FORMATS[export_format].suffix}",
+    )
+    if export_format == "euroc":
         return imuscope.open(made[0])
-    protocol = recording.devices[0].protocol if format in BYTES else ""
+    protocol = recording.devices[0].protocol if export_format in BYTES else ""
     return imuscope.open(one_file(made, folder, "run"), protocol=protocol)
 
 
-@each_row("format", IN_FULL)
+@each_row("export_format", IN_FULL)
 @each_row("name", SOURCES)
 def test_what_is_opened_again_is_the_same(
-    name: str, format: str, opened: Mapping[str, imuscope.Recording], tmp_path: Path
+    name: str, export_format: str, opened: Mapping[str, imuscope.Recording], tmp_path: Path
 ) -> None:
     source = store_of(opened[name])
-    units, frames, arrivals = HELD[format][2], HELD[format][3], HELD[format][5]
-    with opened_again(format, opened[name], tmp_path) as again:
-        keys = found(format, store_of(again))
+    units, frames, arrivals = HELD[export_format][2], HELD[export_format][3], HELD[export_format][5]
+    with opened_again(export_format, opened[name], tmp_path) as again:
+        keys = found(export_format, store_of(again))
         count = 0
-        for key, info, at in expected(format, ExportRequest(source), tmp_path / f"run{FORMATS[format].suffix}"):
+        for key, info, at in expected(
+            export_format, ExportRequest(source), tmp_path / f"run{FORMATS[export_format].suffix}"
+        ):
             wanted = column(source, info, at)
-            finite = np.isfinite(wanted.values) if HELD[format][1] == "finite" else np.ones(len(wanted.values), bool)
+            finite = (
+                np.isfinite(wanted.values) if HELD[export_format][1] == "finite" else np.ones(len(wanted.values), bool)
+            )
             if not finite.any():
                 continue
             back = keys[key]
-            if format == "mcap" and wanted.unit == "rad/s":  # messages are shown in °/s
+            if export_format == "mcap" and wanted.unit == "rad/s":  # messages are shown in °/s
                 np.testing.assert_allclose(back.values, wanted.values / DEG, rtol=1e-15)
                 assert back.unit == "°/s"
                 continue
@@ -208,11 +216,11 @@ def test_what_is_opened_again_is_the_same(
                 assert back.frames & (wanted.frames | ({""} if "body" in wanted.frames else set())), key
             count += 1
         assert count
-        if HELD[format][7] in ("yes", "of one device"):
+        if HELD[export_format][7] in ("yes", "of one device"):
             begins = [[*chain(*one.manifest["segments"].values())] for one in (source, store_of(again))]
             assert begins[0] == begins[1]
             assert len(begins[0]) == (name == "table")
-        if format == "mcap":
+        if export_format == "mcap":
             arrivals_of = [one for one in again.signals if one.message.endswith("/arrival")]
             every = np.concatenate([one.column("arrival" if len(one.columns) > 1 else 0) for one in arrivals_of])
             assert all(np.isin(one.arrival, every).all() for one in opened[name].signals)
@@ -220,13 +228,13 @@ def test_what_is_opened_again_is_the_same(
             assert [one.column("segment").max() for one in numbered] == [1.0] * (name == "table")
 
 
-@each_row("format", [name for name in FORMATS if name.startswith("rosbag2-")])
+@each_row("export_format", [name for name in FORMATS if name.startswith("rosbag2-")])
 @each_row("name", sorted(ROS))
 def test_what_a_message_of_ros_holds_is_the_same(
-    name: str, format: str, opened: Mapping[str, imuscope.Recording], tmp_path: Path
+    name: str, export_format: str, opened: Mapping[str, imuscope.Recording], tmp_path: Path
 ) -> None:
     source = opened[name]
-    with opened_again(format, source, tmp_path) as again:
+    with opened_again(export_format, source, tmp_path) as again:
         names = {one.name.removeprefix("/").partition("/")[2]: one for one in again.signals}
         for signal, (topic, scale) in ROS[name].items():
             wanted, back = source[signal], names[topic]
@@ -253,8 +261,8 @@ def test_a_euroc_folder_is_the_same_in_si_units(
         assert again["w_RS_S"].units == ("rad/s",) * 3
 
 
-@each_row("format", [name for name in FORMATS if name.startswith("rosbag2-") or name == "euroc"])
-def test_a_table_with_units_is_held_by_what_filters_read(format: str, tmp_path: Path) -> None:
+@each_row("export_format", [name for name in FORMATS if name.startswith("rosbag2-") or name == "euroc"])
+def test_a_table_with_units_is_held_by_what_filters_read(export_format: str, tmp_path: Path) -> None:
     path = tmp_path / "walk.csv"
     units = {"gyro_bias": "deg/s", "gyro": "deg/s", "user_acc": "m/s^2", "Accelerometer": "m/s^2"}
     numbers = {name: np.sin(np.arange(60).reshape(20, 3) + at) for at, name in enumerate(units)}
@@ -262,17 +270,17 @@ def test_a_table_with_units_is_held_by_what_filters_read(format: str, tmp_path: 
     rows = np.column_stack([times, *numbers.values()])
     head = ["time (s)", *(f"{name}_{axis} ({unit})" for name, unit in units.items() for axis in "xyz")]
     path.write_text("\n".join([",".join(head), *(",".join(map(repr, row)) for row in rows.tolist())]))
-    with imuscope.open(path) as source, opened_again(format, source, tmp_path) as again:
+    with imuscope.open(path) as source, opened_again(export_format, source, tmp_path) as again:
         turn, acceleration = (one for one in again.signals if one.columns == ("x", "y", "z"))
-        scale = DEG if format == "euroc" else 1.0
+        scale = DEG if export_format == "euroc" else 1.0
         np.testing.assert_allclose(turn.values, numbers["gyro"] * scale, rtol=2e-15)
         np.testing.assert_array_equal(acceleration.values, numbers["Accelerometer"])
         np.testing.assert_array_equal(turn.time, source["gyro"].time)
         assert [len(part) for part in turn.segments()] == [12, 8]
 
 
-@each_row("format", [name for name in FORMATS if name.startswith("rosbag2-") or name == "euroc"])
-def test_segments_are_restored(format: str, tmp_path: Path) -> None:
+@each_row("export_format", [name for name in FORMATS if name.startswith("rosbag2-") or name == "euroc"])
+def test_segments_are_restored(export_format: str, tmp_path: Path) -> None:
     """A device that restarted: its sample time begins at 0 again, and nothing else says so in these files."""
     data = gzip.decompress((ROOT / "tests" / "golden" / "can" / "mti.log.gz").read_bytes())
     lines = data.splitlines(keepends=True)
@@ -284,16 +292,16 @@ def test_segments_are_restored(format: str, tmp_path: Path) -> None:
     path.write_bytes(b"".join(lines + later))
     with imuscope.open(path) as source:
         [begin] = store_of(source).manifest["segments"]["1"]
-        with opened_again(format, source, tmp_path) as again:
+        with opened_again(export_format, source, tmp_path) as again:
             assert store_of(again).manifest["segments"] == {"1": [pytest.approx(begin, abs=1e-6)]}
 
 
-@each_row("pair", [(format, name) for format, names in BYTES.items() for name in names])
+@each_row("pair", [(export_format, name) for export_format, names in BYTES.items() for name in names])
 def test_bytes_are_decoded_again(
     pair: tuple[str, str], opened: Mapping[str, imuscope.Recording], tmp_path: Path
 ) -> None:
-    format, name = pair
-    with opened_again(format, opened[name], tmp_path) as again:
+    export_format, name = pair
+    with opened_again(export_format, opened[name], tmp_path) as again:
         signals = {(one.message, one.name): one for one in again.signals}
         for wanted in opened[name].signals:
             back = signals[wanted.message, wanted.name]
@@ -302,10 +310,10 @@ def test_bytes_are_decoded_again(
                 np.testing.assert_array_equal(back.column(at), wanted.column(at))
 
 
-@each_row("format", ["csv", "parquet"])
-def test_a_message_without_a_clock_has_its_arrival(format: str, tmp_path: Path) -> None:
+@each_row("export_format", ["csv", "parquet"])
+def test_a_message_without_a_clock_has_its_arrival(export_format: str, tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
-    made = export(format, ExportRequest(columns, device="2"), tmp_path / f"run{FORMATS[format].suffix}")
+    made = export(export_format, ExportRequest(columns, device="2"), tmp_path / f"run{FORMATS[export_format].suffix}")
     with imuscope.open(made[0]) as again:
         rows = columns.exact(5, 0, 500)
         np.testing.assert_array_equal(again["insStatus"].values, rows.columns[0])

@@ -14,7 +14,7 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers.open_file import open_file
-from imuscope.recordings.library.summary import summarize
+from imuscope.recordings.library.index import summarize
 from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from tests.recordings.store_fixtures import START, store
@@ -225,8 +225,8 @@ def test_an_export_of_a_former_version_opens_as_before(tmp_path: Path) -> None:
         writer = McapWriter(file)
         writer.start()
         schema = {"title": "MTData2", "type": "object", "properties": inside}
-        id = writer.register_schema("imuscope.MTData2", "jsonschema", json.dumps(schema).encode())
-        topic = writer.register_channel("/MTi-630/MTData2", "json", id)
+        number = writer.register_schema("imuscope.MTData2", "jsonschema", json.dumps(schema).encode())
+        topic = writer.register_channel("/MTi-630/MTData2", "json", number)
         for n in range(20):
             body = {"time": START + n, "arrival": START + n, "Acceleration": {"x": n, "y": 0.5, "z": 9.8}}
             at = round((START + n) * 1e9)

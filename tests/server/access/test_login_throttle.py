@@ -8,9 +8,9 @@ import pytest
 
 from imuscope.server.access.auth import Access, Guard, RefusedError
 from imuscope.server.access.login_throttle import (
-    ADDRESSES,
+    MAX_ADDRESSES,
     MAX_FAILURES,
-    UNGUESSABLE,
+    MIN_UNGUESSABLE_CHARS,
     LoginThrottle,
     client_group,
     short_tokens,
@@ -75,7 +75,7 @@ def test_a_long_token_passes_despite_failures_at_its_address(rules: Access) -> N
     made = Access(Config(host="0.0.0.0"))
     for n in range(100):
         tried(made, f"guess-{n}")
-    assert len(made.view_token) >= UNGUESSABLE
+    assert len(made.view_token) >= MIN_UNGUESSABLE_CHARS
     assert tried(made, made.view_token) == "view"
 
 
@@ -120,11 +120,11 @@ def test_addresses_are_grouped_by_client(address: str, group: str) -> None:
 
 def test_memory_is_constant(clock: Clock) -> None:
     failures = LoginThrottle(clock)
-    for n in range(3 * ADDRESSES):
+    for n in range(3 * MAX_ADDRESSES):
         failures.count(f"10.{n >> 16}.{n >> 8 & 255}.{n & 255}")
         failures.count("192.0.2.7")  # clients that keep failing stay in the table
         failures.wait_s(f"2001:db8:{n:x}::1")  # clients that only ask are not stored
-    assert len(failures) == ADDRESSES
+    assert len(failures) == MAX_ADDRESSES
     assert failures.wait_s("192.0.2.7") > 0
 
 

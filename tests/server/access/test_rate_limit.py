@@ -9,7 +9,15 @@ from typing import Any
 
 from starlette.types import Receive, Scope, Send
 
-from imuscope.server.access.rate_limit import ADDRESSES, AT_ONCE, IN_A_PASS, PER_S, READING, WAITING, RateLimiter
+from imuscope.server.access.rate_limit import (
+    ADMITTED_PER_PASS,
+    MAX_ADDRESSES,
+    MAX_READING,
+    MAX_WAITING,
+    REQUEST_BURST,
+    REQUESTS_PER_S,
+    RateLimiter,
+)
 from tests.support.manual_clock import ManualClock
 
 ONE = "/api/recordings/20261121T044324Z"
@@ -48,7 +56,7 @@ def statuses(turnstile: RateLimiter, times: int, **asked: str) -> list[int]:
 def test_a_flood_of_requests_is_limited_with_retry_after() -> None:
     clock = ManualClock(1000.0)
     turnstile = RateLimiter(hello, clock)
-    most = int(AT_ONCE)
+    most = int(REQUEST_BURST)
     assert statuses(turnstile, most + 50) == [200] * most + [429] * 50
     status, told = asyncio.run(ask(turnstile))
     assert (status, told["kind"], told["retry-after"]) == (429, "too-fast", "1")
@@ -57,14 +65,14 @@ def test_a_flood_of_requests_is_limited_with_retry_after() -> None:
     assert statuses(turnstile, 3, path="/healthz") == [200] * 3  # monitoring is not rejected
     assert statuses(turnstile, 3, client="192.0.2.2") == [200] * 3
     clock.now += 1.0  # to ask in vain cost nothing
-    assert statuses(turnstile, int(PER_S) + 50) == [200] * int(PER_S) + [429] * 50
+    assert statuses(turnstile, int(REQUESTS_PER_S) + 50) == [200] * int(REQUESTS_PER_S) + [429] * 50
 
 
 def test_memory_is_bounded() -> None:
     turnstile = RateLimiter(hello, ManualClock(1000.0))
-    for n in range(2 * ADDRESSES):
+    for n in range(2 * MAX_ADDRESSES):
         turnstile.acquire(f"10.0.{n >> 8}.{n & 255}")
-    assert len(turnstile._requests) == ADDRESSES
+    assert len(turnstile._requests) == MAX_ADDRESSES
 
 
 async def test_request_bursts_do_not_delay_viewers() -> None:
@@ -80,7 +88,7 @@ async def test_request_bursts_do_not_delay_viewers() -> None:
     before = 0
     while len(begun) < len(asked):
         await asyncio.sleep(0)
-        assert len(begun) - before <= 2 * IN_A_PASS
+        assert len(begun) - before <= 2 * ADMITTED_PER_PASS
         before = len(begun)
     await ask(turnstile, "/healthz")
     await asyncio.gather(*asked)
@@ -102,9 +110,9 @@ def reading(turn: Callable[[RateLimiter, asyncio.Event, list[str]], Any]) -> Non
 
 def test_readings_of_one_address_take_turns() -> None:
     async def turn(turnstile: RateLimiter, let: asyncio.Event, reads: list[str]) -> None:
-        asked = [asyncio.create_task(ask(turnstile, f"{ONE}/window")) for _ in range(READING + WAITING)]
+        asked = [asyncio.create_task(ask(turnstile, f"{ONE}/window")) for _ in range(MAX_READING + MAX_WAITING)]
         await asyncio.sleep(0)
-        assert len(reads) == READING
+        assert len(reads) == MAX_READING
         for way, path in (
             *(("GET", f"{ONE}/{what}") for what in ("query", "statistics", "health", "amount")),
             ("POST", "/api/analysis/statistics"),
@@ -115,7 +123,7 @@ def test_readings_of_one_address_take_turns() -> None:
         others = [asyncio.create_task(ask(turnstile, path)) for path in (f"{ONE}/download", "/api/devices")]
         others.append(asyncio.create_task(ask(turnstile, "/api/devices/1/query", "192.0.2.2")))
         await asyncio.sleep(0)
-        assert len(reads) == READING + 3  # others do not wait for them
+        assert len(reads) == MAX_READING + 3  # others do not wait for them
         asked[-1].cancel()  # a disconnected browser
         let.set()
         found = await asyncio.gather(*asked, *others, return_exceptions=True)

@@ -8,7 +8,7 @@ import pytest
 
 from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.server.commands.commands import WIDTH, CommandListRow, manual
+from imuscope.server.commands.commands import LINE_CHARS, CommandListRow, manual
 from imuscope.server.commands.compose import ComposeError
 from imuscope.server.configuration.form_builder import all_forms
 from imuscope.server.devices.decode.decode_options import DecodeOptions
@@ -28,7 +28,7 @@ def test_every_command_and_setting_is_listed_and_described() -> None:
             assert row.name in listed
             text = list(manual(DecodeOptions(one.name), row.name))
             assert text[0].startswith(row.name)
-            assert all(len(line) <= WIDTH for line in text), row.name
+            assert all(len(line) <= LINE_CHARS for line in text), row.name
     assert {forms.protocol for forms in all_forms()} == {"xbus", "isb", "idtp"}
 
 

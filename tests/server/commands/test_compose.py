@@ -39,7 +39,7 @@ def composed(message: str, *pairs: str, protocol: str = "", key: bytes | None = 
 def both_ways(data: bytes, path: Path, reading: DecodeOptions, **how: Any) -> None:
     """compose(inspect(frame)) is the frame, for every frame of some bytes."""
     path.write_bytes(data)
-    inspect_file(path, out := io.StringIO(), reading, format="jsonl", **how)
+    inspect_file(path, out := io.StringIO(), reading, text_format="jsonl", **how)
     lines = out.getvalue().splitlines()
     assert lines
     frames = frames_of(lines, composers(reading))

@@ -32,11 +32,11 @@ scale = 0.001
 STEERING = "\x1b]0;owned\x07\x85\x9b2J\u2028\u202e"
 
 
-def rows(data: bytes, path: Path, reading: DecodeOptions, format: str = "table") -> list[str]:
+def rows(data: bytes, path: Path, reading: DecodeOptions, text_format: str = "table") -> list[str]:
     path.write_bytes(data)
-    inspect_file(path, out := io.StringIO(), reading, format=format)  # type: ignore[arg-type]
+    inspect_file(path, out := io.StringIO(), reading, text_format=text_format)  # type: ignore[arg-type]
     lines = out.getvalue().split("\n")
-    return lines[1:-1] if format == "table" else lines[:-1]
+    return lines[1:-1] if text_format == "table" else lines[:-1]
 
 
 def test_version_33_mode_1_and_bare_numbers(tmp_path: Path) -> None:
@@ -84,10 +84,10 @@ def test_records_of_inertial_sense_have_units(tmp_path: Path) -> None:
 def test_device_text_cannot_control_the_terminal(tmp_path: Path) -> None:
     """A device's own name may hold any byte, also the beginning of an escape sequence in one byte (0x9B)."""
     data = xbus_frame(0x1D, b"MTi-630" + STEERING[:12].encode("latin-1").ljust(13)) * 3
-    for format in ("table", "jsonl"):
-        lines = rows(data, tmp_path / "a.bin", DecodeOptions("xbus"), format)
+    for text_format in ("table", "jsonl"):
+        lines = rows(data, tmp_path / "a.bin", DecodeOptions("xbus"), text_format)
         assert all(line.isprintable() for line in lines)
-        if format == "jsonl":
+        if text_format == "jsonl":
             (text,) = json.loads(lines[0])["fields"].values()
             assert "\x1b" in text, "and is the same for a program"
 
@@ -114,5 +114,5 @@ def test_a_text_that_grew_ends_at_its_length(tmp_path: Path) -> None:
     packet = isb_packet(DATA, 72, payload)
     [line] = rows(packet, tmp_path / "text.bin", decode_options("isb"))
     assert line.endswith("message hello")
-    [record] = rows(packet, tmp_path / "text.bin", decode_options("isb"), format="jsonl")
+    [record] = rows(packet, tmp_path / "text.bin", decode_options("isb"), "jsonl")
     assert json.loads(record)["wire"]["unknown"] == {"264": "11223344"}

@@ -65,9 +65,9 @@ def test_the_certificate_is_generated_once_and_renewed_before_expiry(
     first.key.chmod(0o644)
     assert tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.8"]) == first  # an address appears and disappears
     assert first.key.stat().st_mode & 0o777 == 0o600
-    days_on(monkeypatch, tls.DAYS - tls.RENEW_DAYS - 1)
+    days_on(monkeypatch, tls.CERTIFICATE_DAYS - tls.RENEW_DAYS - 1)
     assert tls.ensure_self_signed(tmp_path, ["localhost"]) == first
-    days_on(monkeypatch, tls.DAYS - tls.RENEW_DAYS + 1)
+    days_on(monkeypatch, tls.CERTIFICATE_DAYS - tls.RENEW_DAYS + 1)
     second = tls.ensure_self_signed(tmp_path, ["localhost"])
     assert second.fingerprint != first.fingerprint
     third = tls.ensure_self_signed(tmp_path, ["localhost", "robot.local"])
@@ -138,7 +138,7 @@ def test_unusable_certificates_are_reported(
             lock = serialization.BestAvailableEncryption(b"secret")
             key.write_bytes(secret.private_bytes(PEM, serialization.PrivateFormat.PKCS8, lock))
         case "expired":
-            days_on(monkeypatch, tls.DAYS + 1)
+            days_on(monkeypatch, tls.CERTIFICATE_DAYS + 1)
         case "not yet":
             days_on(monkeypatch, -2)
     with pytest.raises(ConfigError, match=words):

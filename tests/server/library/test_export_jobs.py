@@ -74,7 +74,7 @@ def test_results_leave_space_for_recordings(tmp_path: Path, monkeypatch: pytest.
         assert exported() == [1]
         assert exported() == [2, 1]
         usage = shutil.disk_usage(tmp_path)
-        full = usage._replace(free=sizes[0] * (export_jobs.SHARE - 2))
+        full = usage._replace(free=sizes[0] * (export_jobs.FREE_SPACE_DIVISOR - 2))
         monkeypatch.setattr(export_jobs.shutil, "disk_usage", lambda folder: full)  # type: ignore[attr-defined]
         assert exported() == [3], "two of them would take more than their share"
         folders = {one.name.rpartition("-")[2] for one in (tmp_path / "exports").iterdir()}

@@ -45,11 +45,11 @@ def test_the_estimated_size_is_that_of_the_file_within_30_percent(protocol: str,
     for part in (wish, replace(wish, t0=first + 3, t1=first + 9)):
         said = export_sizes.sizes(part, tmp_path)
         assert set(said) == {name for name, one in FORMATS.items() if not one.needs_source}
-        for format, size in said.items():
-            out = tmp_path / format
+        for export_format, size in said.items():
+            out = tmp_path / export_format
             out.mkdir(exist_ok=True)
-            made = export(format, part, out / f"drive{FORMATS[format].suffix}")
-            assert size == pytest.approx(one_file(made, out, "zip").stat().st_size, rel=0.3), format
+            made = export(export_format, part, out / f"drive{FORMATS[export_format].suffix}")
+            assert size == pytest.approx(one_file(made, out, "zip").stat().st_size, rel=0.3), export_format
     (received,) = export_sizes.received_bytes(wish).values()
     (bytes_,) = export("bytes", wish, tmp_path / "drive.bin")
     assert received == pytest.approx(bytes_.stat().st_size, rel=0.02)

@@ -219,7 +219,7 @@ async def test_a_call_ends_with_its_client(tmp_path: Path) -> None:
     try:
         calls = [
             asyncio.ensure_future(files.call(f"{HERE}:_asleep", tmp_path, returns=int, user="a"))
-            for _ in range(2 * foreign_files.EACH)
+            for _ in range(2 * foreign_files.RUNNING_EACH)
         ]
         await asyncio.sleep(0.1)
         for one in calls:

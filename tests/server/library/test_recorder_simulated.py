@@ -33,7 +33,7 @@ def test_a_simulated_device_is_one_in_its_recording_in_exports_and_when_it_is_pl
     server.ask("POST", "/api/devices", {"source": str(file)})
     block_until(lambda: server.ask("GET", "/api/devices")[-1]["status"] == "live", "it is played")
     assert [device["simulated"] for device in server.ask("GET", "/api/devices")] == [True, True]
-    made = {format: exported(server, recording, format) for format in ("parquet", "mcap", "csv")}
+    made = {export_format: exported(server, recording, export_format) for export_format in ("parquet", "mcap", "csv")}
     assert all("simulated" in path.name for path in made.values())
     table: Any = made["parquet"]
     if table.suffix == ".zip":  # of several messages
@@ -45,8 +45,8 @@ def test_a_simulated_device_is_one_in_its_recording_in_exports_and_when_it_is_pl
     assert about["simulated"] == "MTi-630"
 
 
-def exported(server: ServerProcess, recording: str, format: str) -> Path:
-    job = server.ask("POST", f"/api/recordings/{recording}/exports", {"format": format})["id"]
+def exported(server: ServerProcess, recording: str, export_format: str) -> Path:
+    job = server.ask("POST", f"/api/recordings/{recording}/exports", {"format": export_format})["id"]
 
     def done() -> str:
         jobs = server.ask("GET", "/api/recordings/exports")

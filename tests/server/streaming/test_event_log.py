@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from imuscope.server.streaming.event_log import AT_ONCE, CHANGES_RESENT, MAX_MARKS, EventLog
+from imuscope.server.streaming.event_log import CHANGES_RESENT, EVENTS_PER_MESSAGE, MAX_MARKS, EventLog
 from imuscope.server.wire import EventInfo, EventKind
 
 
@@ -63,6 +63,6 @@ def test_it_is_sent_in_order_in_pieces() -> None:
     for seq in range(2000):
         log.append(event(seq, "gap" if seq % 2 else "reply", device=str(seq % 3)))
     pieces = list(log.for_late())
-    assert max(len(piece) for piece in pieces) == AT_ONCE
+    assert max(len(piece) for piece in pieces) == EVENTS_PER_MESSAGE
     numbers = [one.seq for one in told(log)]
     assert numbers == sorted(numbers)

@@ -4,7 +4,7 @@
  *     device ══ link ══> server ── decoding ──> ── connection ──> worker ── page ──> rings
  *               by the device's clock  └ both in DeviceHealth      └ both measured here, on each live frame
  *
- * The two clocks agree within `Store.clockUncertainty`, some ms.
+ * The two clocks agree within some ms.
  */
 import type { BusyReason, DeviceHealth } from "../wire/types";
 

@@ -48,10 +48,6 @@ export class RecentHealth {
   of(device: string): readonly Moment[] {
     return this.#moments.get(device) ?? [];
   }
-
-  forget(device: string): void {
-    this.#moments.delete(device);
-  }
 }
 
 /** A bar of a sparkline: height 0..1 and whether something was wrong in it; undefined if unknown. */

@@ -6,7 +6,7 @@
  *     worker ──frames──▶ receive ──▶ Backfill, while a gap is filled ──▶ appendFrame ──▶ Channels: rings of what is sent and derived
  *                           └──text──▶ signals
  *
- * After a lost connection the worker requests only the missed seconds. Later frames are held back (data/backfill.ts) until the
+ * After a lost connection the worker requests only the missed seconds. Later frames are held back (`Backfill`) until the
  * server sends `history_end`, and are put into the rings in order: known sample numbers are skipped. A restarted server numbers
  * from 1 again: data of devices that come back is kept (`Past`), and the new data follows it.
  */
@@ -27,14 +27,60 @@ import type {
   RecorderState,
   ServerText,
 } from "../wire/types";
-import { type Channel, ChannelRegistry } from "./channels";
+import { ChannelRegistry, type Channel } from "./channels";
 import type { WorldFrame } from "./rotations";
 import type { FrameChange } from "./frames";
 import { LossList, type Loss } from "./losses";
 import { Past } from "./past";
-import { type BehindBy, PageDelays } from "./behind";
-import { Backfill } from "./backfill";
+import { PageDelays, type BehindBy } from "./behind";
 import { Budget, Ring } from "./ring-buffer";
+
+/** Longest wait for a refill: a plot that stands still is worse than one with a gap. */
+const REFILL_S = 3;
+
+interface Waiting {
+  readonly history: SampleFrame[];
+  readonly live: SampleFrame[];
+  readonly timer: ReturnType<typeof setTimeout>;
+}
+
+/**
+ * Holds frames back after a reconnect until the gap before them is filled.
+ *
+ *     begin ──▶ take: frames wait ──▶ end, when the server has sent the missed part, or after `REFILL_S`
+ *                                      └──▶ keep: the missed part, oldest block first, then the frames held back
+ */
+class Backfill {
+  readonly #keep: (frame: SampleFrame) => void;
+  #waiting: Waiting | undefined;
+
+  /** @param keep receives the frames after the wait */
+  constructor(keep: (frame: SampleFrame) => void) {
+    this.#keep = keep;
+  }
+
+  /** Start holding frames back. */
+  begin(): void {
+    this.end();
+    this.#waiting = { history: [], live: [], timer: setTimeout(() => this.end(), 1000 * REFILL_S) };
+  }
+
+  /** Take a frame; it is held back during a refill. */
+  take(frame: SampleFrame): void {
+    if (this.#waiting !== undefined) (frame.history ? this.#waiting.history : this.#waiting.live).push(frame);
+    else this.#keep(frame);
+  }
+
+  /** Put held frames into the rings: history came newest block first, so it goes in backwards. */
+  end(): void {
+    const waiting = this.#waiting;
+    if (waiting === undefined) return;
+    this.#waiting = undefined;
+    clearTimeout(waiting.timer);
+    for (const frame of waiting.history.reverse()) this.#keep({ ...frame, history: false });
+    for (const frame of waiting.live) this.#keep(frame);
+  }
+}
 
 /** Seconds of history requested at most. The server and the budget of the rings may hold less. */
 const HISTORY_S = 3600;
@@ -42,7 +88,6 @@ const HISTORY_S = 3600;
 const PAST_S = 120;
 const EVENTS_KEPT = 10_000;
 const TRAFFIC_KEPT = 2000;
-const LATENCIES_KEPT = 4096;
 
 /** Whether a device's clock restarted or jumped, so that lines must break. */
 function isStep({ kind, device }: EventInfo): boolean {
@@ -90,12 +135,11 @@ export class Store {
   #pastEnds: ReturnType<typeof setTimeout> | undefined;
   /** Devices that came back with another run of the server and have sent nothing yet: last arrival, unix s. */
   readonly #away = new Map<string, number>();
-  readonly #latencies = new Float64Array(LATENCIES_KEPT);
-  #measured = 0;
   #budget = new Budget();
   #worker: Worker | undefined;
   readonly #backfill = new Backfill((frame) => this.appendFrame(frame));
   #offset = 0;
+  /** How far off the server's clock can be, ± s; NaN before the first ping. */
   #uncertainty = NaN;
 
   /** Connect to `url` (ws:// or wss://) and stay connected. */
@@ -150,11 +194,6 @@ export class Store {
     return localNow() + this.#offset;
   }
 
-  /** How far off `serverNow` can be, ± s; NaN before the first ping. */
-  get clockUncertainty(): number {
-    return this.#uncertainty;
-  }
-
   /** By how much what the page has of a device is behind. */
   behind(device: string): BehindBy {
     return this.#delays.behind(device, this.health.value.get(device), this.serverNow());
@@ -173,12 +212,6 @@ export class Store {
   /** All known losses of a device, by start. */
   losses(device: string): readonly Loss[] {
     return this.#losses.of(device);
-  }
-
-  /** Delay from the host's read to typed arrays in the worker, ms, of the last live frames (at most 4096). */
-  latencies(): Float64Array {
-    const n = Math.min(this.#measured, LATENCIES_KEPT);
-    return this.#latencies.slice(0, n);
   }
 
   receive(message: FromWorker): void {
@@ -366,10 +399,6 @@ export class Store {
   }
 
   #onFrame(frame: SampleFrame, received: number): void {
-    const last = frame.arrival[frame.n - 1];
-    if (!frame.history && last !== undefined && received === received) {
-      this.#latencies[this.#measured++ % LATENCIES_KEPT] = 1000 * (received - last);
-    }
     this.#backfill.take(frame);
     const device = frame.history ? undefined : this.#channels.source(frame.channel)?.info.device;
     if (device !== undefined) this.#delays.note(device, frame.now, received, this.serverNow());

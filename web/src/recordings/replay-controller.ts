@@ -267,11 +267,6 @@ export class ReplayController {
     this.#tell();
   }
 
-  /** Milliseconds from the last request for the window to its samples in their rings. */
-  get took(): number {
-    return this.#screen.took;
-  }
-
   dispose(): void {
     this.#unframe();
     this.#screen.dispose();

@@ -73,11 +73,6 @@ export class VisibleRange {
     return this.#fetcher.held;
   }
 
-  /** Milliseconds from the last request to its samples in their rings. */
-  get took(): number {
-    return this.#fetcher.took;
-  }
-
   /** The initial view of a recording opened without a place. */
   whole(extraPlots: ReadonlySet<string>): ShownChannels {
     return {

@@ -24,22 +24,23 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MAX_GRID = 1 << 17  # points of a grid; an hour has a step of 27 ms then
 MIN_POINTS = 32  # of the overlap
 MIN_SHARE = 0.25  # of the shorter signal that has to overlap
 MAX_STEPS = 12  # of the refinement
-INTERVAL = 2.2  # standard deviations: 1.96 for 95 %, and what choosing among the smoothings conceals
-CHANCE = 1.0  # standard deviations above the largest value that is expected by chance
-ALIKE, MOST = 0.97, 0.6  # correlation of signals that resemble each other, over this part of the shorter one
-FEWEST = 10  # widths of the maximum among the other offsets, for a spread of theirs
-ELSEWHERE = 1.2  # times the spread at other offsets: they are not quite independent
-DISTINCT = 2.8  # standard deviations between two maxima of which the lower one is excluded
-CERTAIN = 5.0  # standard deviations of Σ a' b' below which it determines no offset
-WORSE = 3.0  # times the least uncertainty: wider smoothing is not tried
+INTERVAL_SIGMAS = 2.2  # standard deviations: 1.96 for 95 %, and what choosing among the smoothings conceals
+CHANCE_SIGMAS = 1.0  # standard deviations above the largest value that is expected by chance
+ALIKE_CORRELATION, ALIKE_PART = 0.97, 0.6  # signals resemble each other over this part of the shorter one
+MIN_PEAK_WIDTHS = 10  # widths of the maximum among the other offsets, for a spread of theirs
+SPREAD_FACTOR = 1.2  # times the spread at other offsets: they are not quite independent
+DISTINCT_SIGMAS = 2.8  # standard deviations between two maxima of which the lower one is excluded
+MIN_SLOPE_SIGMAS = 5.0  # standard deviations of Σ a' b' below which it determines no offset
+MAX_UNCERTAINTY_RATIO = 3.0  # times the least uncertainty: wider smoothing is not tried
 MAX_OTHERS = 5
 
 
@@ -117,19 +118,19 @@ def align(pairs: Sequence[tuple[Signal, Signal]], low: float = -math.inf, high: 
     tried = max(2.0, np.count_nonzero(allowed) / max(lobe, 1))
     independent = _independent(grids, int(lags[best]))
     spread = 1 / math.sqrt(max(independent - 3, 1))
-    if correlation[best] >= ALIKE and overlap[best] >= MOST * _shorter(grids):
+    if correlation[best] >= ALIKE_CORRELATION and overlap[best] >= ALIKE_PART * _shorter(grids):
         spread = min(spread, _spread_elsewhere(np.where(allowed, correlation, np.nan), best))
-    needed = spread * (math.sqrt(2 * math.log(tried)) + CHANCE)
+    needed = spread * (math.sqrt(2 * math.log(tried)) + CHANCE_SIGMAS)
     if height < needed:
         reached = f"with a correlation of {correlation[best]:.3f}, where chance reaches {math.tanh(needed):.3f}"
         message = f"No offset stands out: the best is {offsets[best]:.4g} s, {reached} with so few separate movements."
         hint = "Choose a longer range in which both move, or a signal that does not depend on the mounting: norm(…)."
         raise DomainError("no-result", message, hint)
     offset, sigma = _refined(samples, grids[0][0], float(offsets[best]))
-    others = _others(np.where(allowed, correlation, -1.0), best, height - DISTINCT * spread)
+    others = _others(np.where(allowed, correlation, -1.0), best, height - DISTINCT_SIGMAS * spread)
     return TimeAlignment(
         offset,
-        INTERVAL * sigma,
+        INTERVAL_SIGMAS * sigma,
         float(correlation[best]),
         float(overlap[best]) / len(pairs) * step,
         tuple(offset + float(step * (one - best)) for one in others),
@@ -267,10 +268,10 @@ def _spread_elsewhere(correlation: Floats, best: int) -> float:
     lobe = _lobe(correlation, best)
     others = np.concatenate([correlation[: max(0, best - 2 * lobe)], correlation[best + 2 * lobe :]])
     others = others[np.isfinite(others)]
-    if len(others) < FEWEST * lobe:
+    if len(others) < MIN_PEAK_WIDTHS * lobe:
         return math.inf
     heights = np.arctanh(np.clip(others, -1 + 1e-12, 1 - 1e-12))
-    return ELSEWHERE * math.sqrt(float(np.square(heights).mean()))
+    return SPREAD_FACTOR * math.sqrt(float(np.square(heights).mean()))
 
 
 def _others(correlation: Floats, best: int, least: float) -> list[int]:
@@ -298,7 +299,7 @@ def _refined(pairs: Sequence[tuple[_Samples, _Samples]], grid: _Grid, offset: fl
         estimate = _newton(pairs, times, step, offset, width)
         if estimate is not None and estimate[1] < best[1]:
             best = estimate
-        elif estimate is not None and estimate[1] > WORSE * best[1]:
+        elif estimate is not None and estimate[1] > MAX_UNCERTAINTY_RATIO * best[1]:
             break
         width = 2 * width or 1.0
     if not math.isfinite(best[1]):
@@ -358,7 +359,7 @@ def _step(
         stiffness += share * float(np.dot(dx, dy))
         variance += share**2 * _variance(raw[0] - gain * raw[1], residual, dy, weight, width)
         doubt += share**2 * _chance(np.gradient(residual, step) * weight, dy)
-    if not stiffness > CERTAIN * math.sqrt(doubt):  # noise, not motion, would determine the offset
+    if not stiffness > MIN_SLOPE_SIGMAS * math.sqrt(doubt):  # noise, not motion, would determine the offset
         return None
     return -force / stiffness, math.sqrt(variance) / stiffness
 

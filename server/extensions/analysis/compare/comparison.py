@@ -13,14 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import angle_of, conjugate, mean_rotation, product, slerp
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 NAN = float("nan")
-OUTSIDE = 2.5  # per cent of the differences beyond each limit
+OUTSIDE_PERCENT = 2.5  # per cent of the differences beyond each limit
 Figures = dict[str, float]
 
 
@@ -136,7 +137,7 @@ def _checked(result: SignalDifference, name: str) -> SignalDifference:
 
 def difference_figures(values: Floats) -> Figures:
     """Statistics of differences; 95 % of them lie between `low` and `high`."""
-    low, high = np.percentile(values, [OUTSIDE, 100 - OUTSIDE])
+    low, high = np.percentile(values, [OUTSIDE_PERCENT, 100 - OUTSIDE_PERCENT])
     return {
         "n": float(len(values)),
         "mean": float(values.mean()),

@@ -39,7 +39,7 @@ log = logging.getLogger("imuscope.signals")
 
 MESSAGE = "expression"  # ChannelInfo.message of a computed signal
 MAX_PAST = 60_000  # samples of a channel that a new signal begins with
-AT_ONCE = 1000  # samples of a channel in one step: browsers could not take all of the past at once
+STEP_SAMPLES = 1000  # samples of a channel in one step: browsers could not take all of the past at once
 SWEEP_S = 1.0
 _AXES = {"x": "x", "y": "y", "z": "z", "roll": "x", "pitch": "y", "yaw": "z"}
 
@@ -228,8 +228,8 @@ class DerivedChannels:
             running.next[number] = max(start, stored.ring.first)
             by_channel[number] = stored.ring.read(start)
             arrival = by_channel[number][0]
-            if len(arrival) > AT_ONCE:
-                until = min(until, float(arrival[AT_ONCE - 1]))
+            if len(arrival) > STEP_SAMPLES:
+                until = min(until, float(arrival[STEP_SAMPLES - 1]))
         running.is_behind = until < np.inf
         for number, columns in by_channel.items():
             count = int(np.searchsorted(columns[0], until, "right"))

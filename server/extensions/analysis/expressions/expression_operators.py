@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.expressions.expression_syntax import Call, ExpressionError
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, on_one_axis
-from imuscope.server.extensions.analysis.signals.signals import Floats
 from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 
 MAX_POWER = 100  # of a unit; beyond, it is a text of digits, not a unit

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.expression_functions import (
     FUNCTIONS,
@@ -52,12 +53,12 @@ from imuscope.server.extensions.analysis.expressions.live_streams import (
     Unwrapped,
 )
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, number
-from imuscope.server.extensions.analysis.signals.signals import Floats, SignalColumn, grouped, meant
+from imuscope.server.extensions.analysis.signals.signals import SignalColumn, grouped, meant
 from imuscope.server.extensions.analysis.signals.units import Unit
 from imuscope.server.wire import ChannelInfo
 
 LIVE = Context(zero_phase=False)
-PROBE = 64  # made-up samples that show what a node gives
+PROBE_SAMPLES = 64  # made-up samples that show what a node gives
 MAX_WINDOW = 200_000  # samples of all moving windows together; each batch needs all of them
 MAX_RESAMPLED_HZ = (
     20_000.0  # values of all columns; a device sends a few thousand per second, and each browser gets all
@@ -126,7 +127,6 @@ class LiveExpression:
 
     @property
     def unit(self) -> str:
-        """Unit of its samples."""
         return str(self.probe.unit)
 
     def feed(self, rows: Mapping[int, Sequence[NDArray[Any]]]) -> Piece:
@@ -167,7 +167,7 @@ def usual_rate(times: Floats) -> float:
     """Rate of samples without gaps, Hz; 0 if there are too few."""
     steps = np.diff(times)
     steps = steps[steps > 0]
-    if len(steps) < PROBE // 4:
+    if len(steps) < PROBE_SAMPLES // 4:
         return 0.0
     return 1 / float(steps[steps <= 1.5 * np.median(steps)].mean())
 
@@ -219,9 +219,9 @@ class _Builder:
         if rate <= 0:
             message = f"The rate of {info.name} is not known yet."
             raise RateUnknownError(message, node.begin, node.end, "Wait until it has sent some samples.")
-        time = self._times.setdefault(info.id, np.arange(PROBE) / rate)
+        time = self._times.setdefault(info.id, np.arange(PROBE_SAMPLES) / rate)
         names = tuple(one.name for one in own) if len(own) > 1 else ("",)
-        parts = tuple(np.ones(PROBE) for _ in own)
+        parts = tuple(np.ones(PROBE_SAMPLES) for _ in own)
         probe = Quantity(parts, Unit.parse(own[0].unit), time, names, own[0].period)
         source = SourceStream(node.name, probe, rate, info.id)
         if node.name not in self._angles:

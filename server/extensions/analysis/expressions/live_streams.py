@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, at_times
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
-GAP = 1.5  # usual steps; a longer one ends a run (quantities.py)
+GAP_STEPS = 1.5  # usual steps; a longer one ends a run (quantities.py)
 WAIT_S = 2.0  # a signal that lags behind the others by more counts as interrupted
 MAX_IN_GAP = 1000  # undefined samples of a gap
 HELD_S = 30.0  # samples are kept as long for another signal, which may be interrupted, too
@@ -175,7 +175,7 @@ class Runs(Stream):
         gap: a step longer than this many usual ones ends a run.
     """
 
-    def __init__(self, probe: Quantity, argument: Stream, states: Sequence[RunState], gap: float = GAP) -> None:
+    def __init__(self, probe: Quantity, argument: Stream, states: Sequence[RunState], gap: float = GAP_STEPS) -> None:
         super().__init__(probe, argument.rate, argument.axis)
         self._argument, self._states = argument, states
         self._longest = gap / argument.rate
@@ -286,7 +286,7 @@ class Derivative(Stream):
     def __init__(self, probe: Quantity, argument: Stream) -> None:
         super().__init__(probe, argument.rate, argument.axis)
         self._argument = argument
-        self._longest = GAP / argument.rate
+        self._longest = GAP_STEPS / argument.rate
         self._held = no_samples(len(probe.parts))
         self._done = 0  # the first of these were given: they are the neighbours of the next ones
 
@@ -345,7 +345,7 @@ class Resampled(Stream):
     def __init__(self, probe: Quantity, argument: Stream, rate: float) -> None:
         super().__init__(probe, rate, (argument.axis, "resample", rate))
         self._argument = argument
-        self._longest = GAP / argument.rate
+        self._longest = GAP_STEPS / argument.rate
         self._held = no_samples(len(probe.parts))
         self._first: float | None = None
         self._count = 0

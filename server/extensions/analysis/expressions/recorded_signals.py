@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.derived_channels import channel_of, in_order
 from imuscope.server.extensions.analysis.expressions.expression_functions import Context
 from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, expression_over
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
-from imuscope.server.extensions.analysis.signals.signals import Floats, SignalColumn, recorded_samples
+from imuscope.server.extensions.analysis.signals.signals import SignalColumn, recorded_samples
 from imuscope.server.library.collector import RecordingSink
 from imuscope.server.library.computed_signals import SignalComputation
 from imuscope.server.library.recording_detail import channels_of, segments_of

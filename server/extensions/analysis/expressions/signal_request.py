@@ -4,6 +4,7 @@ import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.expression_functions import Context, SampleBudget, euler_angles
 from imuscope.server.extensions.analysis.expressions.expression_syntax import Node, parse
@@ -12,7 +13,6 @@ from imuscope.server.extensions.analysis.noise.data_sheet import Product, data_s
 from imuscope.server.extensions.analysis.signals.companions import companions_in
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
 from imuscope.server.extensions.analysis.signals.signals import (
-    Floats,
     ReadSamples,
     Signal,
     SignalColumn,
@@ -50,7 +50,6 @@ class ExpressionSignal:
 
     @property
     def columns(self) -> list[SignalColumn]:
-        """The columns that are read for it."""
         return [column for columns in self.named.values() for column in columns]
 
     @property

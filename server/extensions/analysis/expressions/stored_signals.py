@@ -8,7 +8,6 @@ from imuscope.server.services.services import Services
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     if (services.config.data / FILE).exists():
         from imuscope.server.extensions.analysis.expressions.derived_channels import signals_part
 

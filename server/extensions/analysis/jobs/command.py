@@ -10,12 +10,12 @@ from imuscope.server.commands.file_arguments import add_file, add_range, add_tab
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 
-_COLUMN = 34
+_NAME_CHARS = 34
 
 
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope analyse`."""
-    command = add_parser("analyse", help="print figures of signals of a recording, log or capture")
+    command = add_parser("analyse", help="print statistics, spectra and other figures of signals in a file")
     add_file(command)
     command.add_argument("analysis", metavar="ANALYSIS", help="name of an analysis, see below; or comparison")
     command.add_argument(
@@ -51,9 +51,11 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
         help="offset: by the clock, B moved by --offset (default); start: the first samples coincide; correlation: "
         "where the signals fit best",
     )
-    group.add_argument("--offset", type=float, default=0.0, metavar="S", help="s to add to the times of B (default 0)")
     group.add_argument(
-        "--search", type=float, metavar="S", help="correlation searches as far as this on both sides of --offset"
+        "--offset", type=float, default=0.0, metavar="S", help="seconds to add to the times of B (default 0)"
+    )
+    group.add_argument(
+        "--search", type=float, metavar="S", help="how far correlation searches on both sides of --offset, s"
     )
     return command
 
@@ -64,14 +66,14 @@ def analysis_list() -> str:
 
     lines = ["analyses, with their options for --option:"]
     for one in analyses():
-        lines.append(f"  {one.name:<{_COLUMN - 2}}{one.words}")
+        lines.append(f"  {one.name:<{_NAME_CHARS - 2}}{one.words}")
         for option in one.options:
             if option.choices:
                 form, limits = f"{option.name}={option.choices[int(option.default)]}", ", ".join(option.choices)
             else:
                 form = f"{option.name}={option.default:g}"
                 limits = f"{option.low:.12g} to {option.high:.12g} {option.unit}".strip()
-            lines.append(f"    {form:<{_COLUMN - 4}}{option.doc} {limits}.")
+            lines.append(f"    {form:<{_NAME_CHARS - 4}}{option.doc} {limits}.")
         lines += [f"    --format {name}" for name in one.formats]
     return "\n".join(lines) + "\n"
 

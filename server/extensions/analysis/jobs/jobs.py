@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.server.errors import DomainError
@@ -22,13 +23,7 @@ from imuscope.server.extensions.analysis.noise.registry import Figure, FiguresOf
 from imuscope.server.extensions.analysis.noise.report import arrow_of, figures_of, in_parallel
 from imuscope.server.extensions.analysis.signals.body_axes import ATTITUDES
 from imuscope.server.extensions.analysis.signals.pairs import Pairing, paired, shortened, thinned
-from imuscope.server.extensions.analysis.signals.signals import (
-    Floats,
-    ReadSamples,
-    Signal,
-    SignalColumn,
-    recorded_samples,
-)
+from imuscope.server.extensions.analysis.signals.signals import ReadSamples, Signal, SignalColumn, recorded_samples
 
 TEXT = "text/plain; charset=utf-8"
 ARROW = "application/vnd.apache.arrow.stream"

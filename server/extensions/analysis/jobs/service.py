@@ -30,11 +30,11 @@ from imuscope.server.system.fork_server import ForkServer, JobLostError
 if TYPE_CHECKING:
     from imuscope.server.services.services import Services
 
-EACH = 1  # analyses of one user that run at once
+RUNNING_EACH = 1  # analyses of one user that run at once
 WAITING_EACH = 64
 MODULE = "imuscope.server.extensions.analysis.jobs.worker"
 IDLE_S = 5.0  # after the opening of a page, which needs the processors itself
-ROOM = 2 << 30  # bytes for one process, half of the memory of the machine
+PROCESS_BYTES = 2 << 30  # bytes for one process, half of the memory of the machine
 
 
 class AnalysisService:
@@ -53,7 +53,7 @@ class AnalysisService:
     ) -> None:
         self.limits = limits
         self._is_viewed, self._load = is_viewed, load
-        self.queue = FairQueue(max(2, (os.cpu_count() or 2) // 2), EACH, WAITING_EACH)
+        self.queue = FairQueue(max(2, (os.cpu_count() or 2) // 2), RUNNING_EACH, WAITING_EACH)
         self.forks = ForkServer(MODULE, *limits.words)
         self.forks.is_kept = self._is_wanted
         self._preparing: asyncio.Task[None] | None = None
@@ -77,7 +77,7 @@ class AnalysisService:
             self.prepare()
 
     def _is_wanted(self) -> bool:
-        return self._is_viewed() and _processors() > 1 and memory_of_one() >= ROOM
+        return self._is_viewed() and _processors() > 1 and memory_of_one() >= PROCESS_BYTES
 
     async def content(self, user: str, job: Callable[[], Awaitable[AnalysisJob]]) -> Content:
         """The response to a request; waits for its turn.
@@ -129,7 +129,6 @@ def _processors() -> int:
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     telemetry = services.telemetry
     settings = services.config.of(AnalysisSettings)
     limits = AnalysisLimits(settings.analysis_mb, settings.analysis_s)

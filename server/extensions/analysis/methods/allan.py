@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise import noise_model
 from imuscope.server.extensions.analysis.noise.allan_deviation import allan_curve, averaging_lengths, intervals
@@ -29,12 +30,12 @@ from imuscope.server.extensions.analysis.noise.registry import (
 from imuscope.server.extensions.analysis.noise.thermal_drift import ThermalDrift, thermal_drift
 from imuscope.server.extensions.analysis.signals.rest import rest_of
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MIN_SAMPLES = 9
 MOTION = ("exclude", "include")
 TEMPERATURE = ("exclude", "include")
-DRIFT = 2.0  # a ramp that is this many times the rest of the model at the longest averaging time is noted
+DRIFT_RATIO = 2.0  # a ramp that is this many times the rest of the model at the longest averaging time is noted
 
 
 def run(signal: Signal, options: Settings) -> Result:
@@ -130,7 +131,7 @@ def _ramp_note(model: NoiseModel, unit: str) -> str:
     tau = np.array([model.tau[1]])
     ramp = model.parameters["ramp"]
     whole, part = float(model.deviation(tau)[0]), ramp.value * float(tau[0]) / np.sqrt(2)
-    if part < whole / np.sqrt(1 + 1 / DRIFT**2):
+    if part < whole / np.sqrt(1 + 1 / DRIFT_RATIO**2):
         return ""
     drift = f"{ramp.value * 3600:.3g} {unit}/h".strip()
     drifts = f"The bias drifts by {drift}: averaging times near {tau[0]:.3g} s show the drift."

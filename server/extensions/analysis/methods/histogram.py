@@ -7,6 +7,7 @@ An angle that wraps is turned by whole turns to lie within half a turn of its me
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.statistics import statistics_of
 from imuscope.server.extensions.analysis.noise.registry import (
     Analysis,
@@ -15,10 +16,10 @@ from imuscope.server.extensions.analysis.noise.registry import (
     Settings,
     register_analysis,
 )
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MOST_BINS = 2000
-WIDEST = 1e15
+MAX_RANGE = 1e15
 
 
 def run(signal: Signal, options: Settings) -> Result:
@@ -91,8 +92,10 @@ register_analysis(
         (
             AnalysisOption("bins", 0.0, 0.0, MOST_BINS, doc="Number of bins; 0: by the rule of Freedman and Diaconis."),
             AnalysisOption("within", 0.0, 0.0, 100.0, doc="Values up to this many σ from the mean; 0: all values."),
-            AnalysisOption("low", 0.0, -WIDEST, WIDEST, doc="Least value shown; with high 0 as well: all values."),
-            AnalysisOption("high", 0.0, -WIDEST, WIDEST, doc="Greatest value shown."),
+            AnalysisOption(
+                "low", 0.0, -MAX_RANGE, MAX_RANGE, doc="Least value shown; with high 0 as well: all values."
+            ),
+            AnalysisOption("high", 0.0, -MAX_RANGE, MAX_RANGE, doc="Greatest value shown."),
         ),
         order=2,
     )

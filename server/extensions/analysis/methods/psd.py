@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.noise.peaks import peaks_of
 from imuscope.server.extensions.analysis.noise.registry import Analysis, Result, Settings, register_analysis
 from imuscope.server.extensions.analysis.noise.welch import MIN_LENGTH, OPTIONS, SCALES, mean_spectrum, segments_for
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
-OUTSIDE = 0.025  # probability beyond each end of the interval
+TAIL_PROBABILITY = 0.025  # probability beyond each end of the interval
 
 
 def run(signal: Signal, options: Settings) -> Result:
@@ -28,7 +29,7 @@ def run(signal: Signal, options: Settings) -> Result:
     counts = [segments.count(part.stop - part.start) for part in sampling.runs]
     frequency, psd = mean_spectrum([values[part] for part in sampling.runs], counts, sampling.rate, segments)
     freedom = segments.degrees_of_freedom([count for count in counts if count])
-    low, high = (freedom / float(chdtri(freedom, p)) for p in (OUTSIDE, 1 - OUTSIDE))
+    low, high = (freedom / float(chdtri(freedom, p)) for p in (TAIL_PROBABILITY, 1 - TAIL_PROBABILITY))
     root = SCALES[int(options["scale"])] == "amplitude"
     spacing = sampling.rate / segments.length
 

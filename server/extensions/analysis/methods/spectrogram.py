@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.noise.registry import (
     Analysis,
     AnalysisOption,
@@ -18,9 +19,9 @@ from imuscope.server.extensions.analysis.noise.registry import (
 )
 from imuscope.server.extensions.analysis.noise.welch import MIN_LENGTH, OPTIONS, SCALES, Segments, segments_for
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
-CELLS = 1_000_000  # of the result, which is 20 MB as text
+MAX_CELLS = 1_000_000  # of the result, which is 20 MB as text
 
 
 def run(signal: Signal, options: Settings) -> Result:
@@ -32,7 +33,7 @@ def run(signal: Signal, options: Settings) -> Result:
     segments = segments_for(sampling, options, math.isqrt(total))  # as fine in time as in frequency
     values = unwrapped(signal)
     begins = _begins(sampling.runs, segments)
-    limit = int(min(options["columns"], CELLS // (segments.length // 2 + 1)))
+    limit = int(min(options["columns"], MAX_CELLS // (segments.length // 2 + 1)))
     thinned = max(1, -(-len(begins) // limit))
     chosen = begins[::thinned]
     scale = 2 / (sampling.rate * float(np.square(segments.window).sum()))

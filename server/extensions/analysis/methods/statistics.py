@@ -11,9 +11,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.statistics import statistics_of
 from imuscope.server.extensions.analysis.noise.registry import Analysis, AnalysisOption, Result, register_analysis
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 NAN = float("nan")
 

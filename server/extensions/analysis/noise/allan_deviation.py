@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 
-BLOCK = 1 << 16  # samples at once: they fit into the cache, and threads rarely wait for the interpreter between steps
-OUTSIDE = 0.025  # probability beyond each end of the interval
+BLOCK_SAMPLES = 1 << 16  # fit into the cache, and threads rarely wait for the interpreter between steps
+TAIL_PROBABILITY = 0.025  # probability beyond each end of the interval
 
 WHITE_PHASE, WHITE, FLICKER, WALK = range(4)
 """Types of noise by the slope of σ over τ: −1, −1/2, 0, +1/2 (and more)."""
@@ -91,10 +91,10 @@ def _integral(run: Floats, mean: float) -> Floats:
 
 def _sum_of_squares(x: Floats, m: int, n: int) -> float:
     total = 0.0
-    size, shared = min(BLOCK, n), m < BLOCK // 2
+    size, shared = min(BLOCK_SAMPLES, n), m < BLOCK_SAMPLES // 2
     part, other = np.empty(size), np.empty(size + m if shared else size)
-    for begin in range(0, n, BLOCK):
-        end = min(begin + BLOCK, n)
+    for begin in range(0, n, BLOCK_SAMPLES):
+        end = min(begin + BLOCK_SAMPLES, n)
         a = part[: end - begin]
         if shared:  # both differences of a sample are differences of two: one pass instead of two
             b = other[: end - begin + m]
@@ -122,7 +122,7 @@ def _degrees(n: int, m: int, noise: int) -> float:
     return max(1.0, degrees)
 
 
-def intervals(deviation: Floats, freedom: Floats, outside: float = OUTSIDE) -> tuple[Floats, Floats]:
+def intervals(deviation: Floats, freedom: Floats, outside: float = TAIL_PROBABILITY) -> tuple[Floats, Floats]:
     """Both ends of the interval of each deviation, 95 % by default (chi-squared, NIST SP 1065, 5.3.2)."""
     from scipy.special import chdtri
 

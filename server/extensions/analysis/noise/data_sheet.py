@@ -10,16 +10,17 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Literal
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve, intervals
-from imuscope.server.extensions.analysis.noise.noise_model import DOUBT, FLAT, NoiseModel
-from imuscope.server.extensions.analysis.signals.signals import DataSheetNoise, Floats
+from imuscope.server.extensions.analysis.noise.noise_model import FLAT, TAIL_PROBABILITY, NoiseModel
+from imuscope.server.extensions.analysis.signals.signals import DataSheetNoise
 from imuscope.server.extensions.analysis.signals.units import G, Unit
 from imuscope.server.wire import ChannelInfo
 
 TOLERANCE = math.sqrt(2)
-SURE = 2.0  # intervals of 95 % grow by this before they decide
-DECIDED = 3.0  # a lowest part is one if the curve goes on to averaging times this many times as long
+INTERVAL_FACTOR = 2.0  # intervals of 95 % grow by this before they decide
+MIN_TAU_RATIO = 3.0  # a lowest part is one if the curve goes on to averaging times this many times as long
 SENSORS = (
     (re.compile("^(rate.?of.?turn|angular.?(rate|velocity)|gyro)", re.I), "rad/s", "turn", "turn_bias"),
     (re.compile("^acceleration", re.I), "m/s²", "acceleration", "acceleration_bias"),
@@ -85,7 +86,7 @@ def verdicts(
 def _walk(sheet: DataSheetNoise, unit: str, model: NoiseModel) -> Mapping[str, str]:
     walk, limit = model.parameters["random_walk"], sheet.random_walk * TOLERANCE
     shown, of = _of_walk(walk.value, unit), _sheet_walk(sheet, unit)
-    low, high = (walk.value + SURE * (end - walk.value) for end in (walk.low, walk.high))
+    low, high = (walk.value + INTERVAL_FACTOR * (end - walk.value) for end in (walk.low, walk.high))
     if walk.value <= 0:
         return _verdict("random_walk", "open", f"Random walk: the curve does not show one to compare with {of}.")
     if high <= limit:
@@ -100,7 +101,7 @@ def _walk(sheet: DataSheetNoise, unit: str, model: NoiseModel) -> Mapping[str, s
 
 
 def _bias(sheet: DataSheetNoise, unit: str, curve: AllanCurve, model: NoiseModel, drifts: bool) -> Mapping[str, str]:
-    low, high = intervals(curve.adev, model.freedom, DOUBT)
+    low, high = intervals(curve.adev, model.freedom, TAIL_PROBABILITY)
     lowest, surest = int(curve.adev.argmin()), int(high.argmin())
     figure, of = sheet.bias_instability, _sheet_bias(sheet, unit)
     if float(high[surest]) <= figure:
@@ -108,14 +109,14 @@ def _bias(sheet: DataSheetNoise, unit: str, curve: AllanCurve, model: NoiseModel
         words = f"Bias instability: the curve comes down to {shown} and so meets {of}."
         return _verdict("bias_instability", "met", words)
     flat = model.parameters["bias_instability"]
-    if not drifts and (flat.value + SURE * (flat.low - flat.value)) * math.sqrt(FLAT) > figure * TOLERANCE:
+    if not drifts and (flat.value + INTERVAL_FACTOR * (flat.low - flat.value)) * math.sqrt(FLAT) > figure * TOLERANCE:
         level = flat.value * math.sqrt(FLAT)
         words = (
             f"Bias instability {_of_bias(level, unit)}, where the model is flat: {_times(level / figure)} times {of}."
         )
         return _verdict("bias_instability", "above", words)
     tau, shown = float(curve.tau[lowest]), _of_bias(float(curve.adev[lowest]), unit)
-    if float(curve.tau[-1]) < DECIDED * tau:
+    if float(curve.tau[-1]) < MIN_TAU_RATIO * tau:
         falls = f"the curve still falls at {tau:.3g} s, to {shown}"
         sentence = f"Bias instability: {falls}. Record longer to compare with {of}."
         return _verdict("bias_instability", "open", sentence)

@@ -19,23 +19,23 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve
-from imuscope.server.extensions.analysis.noise.thermal_drift import WALKS, blocks_of
+from imuscope.server.extensions.analysis.noise.thermal_drift import WALK_SHARES, blocks_of
 from imuscope.server.extensions.analysis.noise.welch import Segments, mean_spectrum, segments_for
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
 FALSE_ALARM = 1e-8  # of all bins
-SHARE = 0.1  # of the Allan variance at some averaging time: a line with less does not change the parameters much
-NEAR, FAR = 8, 50  # bins beside a line by which its floor is judged
-FILTERED = 0.1  # of the density below
-SMOOTH = 60  # parts of a spectrum
+LINE_VARIANCE_SHARE = 0.1  # of the Allan variance at some averaging time: a line with less changes little
+NEAR_BINS, FAR_BINS = 8, 50  # bins beside a line by which its floor is judged
+FILTERED_RATIO = 0.1  # of the density below
+SMOOTHED_PARTS = 60  # parts of a spectrum
 MIN_BLOCKS = 24
-SIGNIFICANT = 24.0  # twice the logarithm of the likelihood ratio: of 100 random walks one reaches it with 27 shapes
-SUSPECT = 14.0  # one of 7 reaches it: no reason to refuse, but to be careful with what a walk resembles
+SIGNIFICANT_LIKELIHOOD = 24.0  # 2 ln of the likelihood ratio: one of 100 random walks reaches it with 27 shapes
+SUSPECT_LIKELIHOOD = 14.0  # one of 7 reaches it: no reason to refuse, but to be careful with what a walk resembles
 PERIODS = np.arange(1, 25) / 2  # in the range
-ENDS = (0.05, 0.15, 0.4)  # time constants of a drift that ends, as parts of the range
+END_TIME_CONSTANTS = (0.05, 0.15, 0.4)  # time constants of a drift that ends, as parts of the range
 WELCH = {"length": 0.0, "overlap": 0.5, "window": 0.0, "detrend": 0.0}
 """Options of the spectrum: see server/extensions/analysis/noise/welch.py."""
 
@@ -81,15 +81,15 @@ def strongest_line(spectrum: Spectrum, rate: float, curve: AllanCurve) -> Line |
     """The line with the largest share of the Allan variance at some averaging time, if that is larger than SHARE."""
     lines = _lines(spectrum)
     share, (at, rms) = max(((_share(line, rate, curve), line) for line in lines), default=(0.0, (0.0, 0.0)))
-    return Line(at, rms, (rate - at, rate + at)) if share > SHARE else None
+    return Line(at, rms, (rate - at, rate + at)) if share > LINE_VARIANCE_SHARE else None
 
 
 def bandwidth(spectrum: Spectrum) -> float:
     """Frequency above which hardly anything of the signal is left, Hz; 0 if there is none."""
     n = len(spectrum.psd)
     level = float(np.median(spectrum.psd[n // 20 : n // 5 + 1]))
-    smooth = np.array([np.median(part) for part in np.array_split(spectrum.psd, min(n, SMOOTH))])
-    if smooth[-2] > FILTERED * level:
+    smooth = np.array([np.median(part) for part in np.array_split(spectrum.psd, min(n, SMOOTHED_PARTS))])
+    if smooth[-2] > FILTERED_RATIO * level:
         return 0.0
     passed = int(np.flatnonzero(smooth > level / 2)[-1]) + 1
     return float(spectrum.frequency[-1]) * passed / len(smooth)
@@ -106,10 +106,10 @@ def _lines(spectrum: Spectrum) -> list[tuple[float, float]]:
     limit = float(chdtri(freedom, FALSE_ALARM / n)) / float(chdtri(freedom, 0.5))
     lines = []
     inner = np.arange(lobe, n - 1)
-    least = min(float(np.median(part)) for part in np.array_split(psd, min(n, SMOOTH)))  # no floor is lower
+    least = min(float(np.median(part)) for part in np.array_split(psd, min(n, SMOOTHED_PARTS)))  # no floor is lower
     tops = inner[(psd[inner] >= psd[inner - 1]) & (psd[inner] >= psd[inner + 1]) & (psd[inner] > limit * least)]
     for at in tops.tolist():
-        width = int(min(max(NEAR, at // 2), FAR))
+        width = int(min(max(NEAR_BINS, at // 2), FAR_BINS))
         beside = np.r_[psd[max(1, at - width) : at - lobe + 1], psd[at + lobe : at + width + 1]]
         floor = float(np.median(beside)) if len(beside) else math.inf
         # red noise rises towards 0 Hz: the level of both sides, the lower side counting by itself
@@ -148,10 +148,10 @@ def slow_change(time: Floats, values: Floats, runs: Sequence[slice]) -> SlowChan
     span = float(time[-1] - time[0])
     since = (centres - centres[0]) / (centres[-1] - centres[0])
     shapes = [(f"a swing with a period of {span / k:.3g} s", _sine(since, k)) for k in PERIODS.tolist()]
-    shapes += [("a drift that slows down", np.exp(-since / part)[:, None]) for part in ENDS]
+    shapes += [("a drift that slows down", np.exp(-since / part)[:, None]) for part in END_TIME_CONSTANTS]
     significance = [(_significance(since, means, shape), words) for words, shape in shapes]
     best, words = max(significance)
-    return SlowChange(words, best > SIGNIFICANT, best > SUSPECT)
+    return SlowChange(words, best > SIGNIFICANT_LIKELIHOOD, best > SUSPECT_LIKELIHOOD)
 
 
 def _sine(since: Floats, periods: float) -> Floats:
@@ -185,5 +185,5 @@ def _roots(since: bytes) -> list[tuple[Any, float]]:
     steps = np.frombuffer(since)
     steps = (steps - steps[0]) / np.median(np.diff(steps))
     walk = np.minimum.outer(steps, steps)
-    roots = [np.linalg.cholesky(np.eye(len(steps)) + share * walk) for share in WALKS]
+    roots = [np.linalg.cholesky(np.eye(len(steps)) + share * walk) for share in WALK_SHARES]
     return [(np.linalg.inv(root), 2 * float(np.log(np.diag(root)).sum())) for root in roots]

@@ -20,6 +20,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.noise.allan_deviation import (
     FLICKER,
     WALK,
@@ -28,16 +29,15 @@ from imuscope.server.extensions.analysis.noise.allan_deviation import (
     AllanCurve,
     intervals,
 )
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
-TURNS = 6  # of the fit, each with the weights and types of noise of the last
-QUANTILE = 1.96
-SIGNIFICANT = 8.0  # a term has its place if the misfit is smaller by more with it
-SHARED = 2.0  # neighbouring averaging times share samples: errors seen in simulations to those of independent ones
-TINY = 1e-300
-DOUBT = 3e-5  # probability beyond each end of the interval of a deviation that decides something
-MISFIT = 0.1  # a deviation this far from the model, as a part of it, shows that it does not fit …
-UNLIKELY = 1e-7  # … if it is so improbable by chance
+FIT_ITERATIONS = 6  # of the fit, each with the weights and types of noise of the last
+NORMAL_QUANTILE = 1.96
+SIGNIFICANT_MISFIT = 8.0  # a term has its place if the misfit is smaller by more with it
+SHARED_ERROR_FACTOR = 2.0  # of errors in simulations to independent ones: averaging times share samples
+MIN_NORM = 1e-300
+TAIL_PROBABILITY = 3e-5  # probability beyond each end of the interval of a deviation that decides something
+MISFIT_SHARE = 0.1  # a deviation this far from the model, as a part of it, shows that it does not fit …
+CHANCE_PROBABILITY = 1e-7  # … if it is so improbable by chance
 FLAT = 2 * math.log(2) / math.pi
 
 TERMS: Mapping[str, tuple[float, int, float]] = {
@@ -120,11 +120,11 @@ def fit_noise(curve: AllanCurve) -> NoiseModel:
     errors_of_all = _standard_errors(columns, weight, everything)
     terms = min(
         (list(some) for size in range(1, len(everything) + 1) for some in combinations(everything, size)),
-        key=lambda some: _misfit(columns, variance, weight, some) + SIGNIFICANT * len(some),
+        key=lambda some: _misfit(columns, variance, weight, some) + SIGNIFICANT_MISFIT * len(some),
     )
     squares, freedom, weight = _fit(curve, columns, variance, terms)
     scale = _excess(_misfit(columns, variance, weight, terms), len(variance) - len(terms))
-    high = intervals(curve.adev, freedom, DOUBT)[1]
+    high = intervals(curve.adev, freedom, TAIL_PROBABILITY)[1]
     estimates = {}
     for at, (name, (factor, power, _)) in enumerate(TERMS.items()):
         errors = _standard_errors(columns, weight, sorted({*terms, at}))
@@ -146,29 +146,29 @@ def _excess(misfit: float, freedom: int) -> float:
 def _worst(curve: AllanCurve, model: NoiseModel) -> Misfit | None:
     from scipy.special import chdtr, chdtrc
 
-    ratio = np.square(curve.adev / np.maximum(model.deviation(curve.tau), TINY))
+    ratio = np.square(curve.adev / np.maximum(model.deviation(curve.tau), MIN_NORM))
     freedom = model.freedom
     chance = np.minimum(chdtr(freedom, freedom * ratio), chdtrc(freedom, freedom * ratio))
-    bad = (chance < UNLIKELY) & (np.abs(np.sqrt(ratio) - 1) > MISFIT)
+    bad = (chance < CHANCE_PROBABILITY) & (np.abs(np.sqrt(ratio) - 1) > MISFIT_SHARE)
     if not bad.any():
         return None
-    at = int(np.where(bad, np.abs(np.log(np.maximum(ratio, TINY))), -1.0).argmax())
+    at = int(np.where(bad, np.abs(np.log(np.maximum(ratio, MIN_NORM))), -1.0).argmax())
     return Misfit(float(curve.tau[at]), math.sqrt(ratio[at]), math.sqrt(1 / (2 * freedom[at])))
 
 
 def _fit(curve: AllanCurve, columns: Table, variance: Floats, terms: list[int]) -> tuple[Floats, Floats, Floats]:
     """Squares of all terms, 0 for those not kept; degrees of freedom; and the weights of the last turn."""
     kinds = [int(kind) for _, _, kind in TERMS.values()]
-    model = np.maximum(variance, TINY)
+    model = np.maximum(variance, MIN_NORM)
     noise = [WHITE] * len(curve.tau)
     squares, freedom, weight = np.zeros(len(kinds)), np.ones(len(noise)), np.ones(len(noise))
-    for _ in range(TURNS):
+    for _ in range(FIT_ITERATIONS):
         freedom = curve.degrees_of_freedom(noise)
         weight = np.sqrt(freedom / 2) / model
         squares = np.zeros(len(kinds))
         squares[terms] = _least_squares(columns[:, terms], variance, weight)
         parts = columns * squares
-        model = np.maximum(parts.sum(axis=1), TINY)
+        model = np.maximum(parts.sum(axis=1), MIN_NORM)
         noise = [kinds[int(at)] for at in parts.argmax(axis=1)]
     return squares, freedom, weight
 
@@ -177,7 +177,7 @@ def _least_squares(columns: Table, variance: Floats, weight: Floats) -> Floats:
     from scipy.optimize import nnls
 
     scaled = columns * weight[:, None]
-    size = np.maximum(np.linalg.norm(scaled, axis=0), TINY)
+    size = np.maximum(np.linalg.norm(scaled, axis=0), MIN_NORM)
     solution: Floats = nnls(scaled / size, variance * weight)[0] / size
     return solution
 
@@ -191,12 +191,12 @@ def _misfit(columns: Table, variance: Floats, weight: Floats, terms: list[int]) 
 def _standard_errors(columns: Table, weight: Floats, terms: list[int]) -> dict[int, float]:
     """Standard errors of the squares of the kept terms."""
     scaled = columns[:, terms] * weight[:, None]
-    size = np.maximum(np.linalg.norm(scaled, axis=0), TINY)
+    size = np.maximum(np.linalg.norm(scaled, axis=0), MIN_NORM)
     inverse = np.linalg.pinv((scaled / size).T @ (scaled / size), rcond=1e-12)
-    errors = SHARED * np.sqrt(np.maximum(np.diag(inverse), 0)) / size
+    errors = SHARED_ERROR_FACTOR * np.sqrt(np.maximum(np.diag(inverse), 0)) / size
     return dict(zip(terms, errors.tolist(), strict=True))
 
 
 def _parameter(square: float, error: float) -> NoiseParameter:
-    low, high = (math.sqrt(max(square + side * QUANTILE * error, 0.0)) for side in (-1, 1))
+    low, high = (math.sqrt(max(square + side * NORMAL_QUANTILE * error, 0.0)) for side in (-1, 1))
     return NoiseParameter(math.sqrt(square), low, high)

@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.noise.welch import Segments
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
 MAX_PEAKS = 16
 FALSE_ALARM = 1e-8  # of the limit; in simulations about 0.3 % of the spectra of white noise show a peak
 FLOOR_BINS = 101  # of the running median
-INTERPOLATION = 0.02  # of the spacing of the frequencies: the error of the parabola for the windows offered
-ALIASES = 3  # frequencies of which a peak may be the image
+INTERPOLATION_ERROR = 0.02  # of the spacing of the frequencies: the error of the parabola for the windows offered
+MAX_ALIASES = 3  # frequencies of which a peak may be the image
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,10 +119,10 @@ def _peak(
     ratio = power / noise if noise > 0 else math.inf
     bound = math.sqrt(12 / (max(ratio, 1e-9) * float(length) ** 3 * max(freedom / 2, 1))) * rate / (2 * math.pi)
     bandwidth = length * float(np.square(segments.window).sum() / np.square(segments.window.sum()))
-    uncertainty = math.hypot(1.96 * bound * bandwidth**1.5, INTERPOLATION * spacing)
+    uncertainty = math.hypot(1.96 * bound * bandwidth**1.5, INTERPOLATION_ERROR * spacing)
     above = 10 * math.log10(float(psd[at]) / float(floor[at]))
     folded = sorted(abs(turn * rate + sign * at_frequency) for turn in (1, 2) for sign in (-1, 1))
-    return Peak(at_frequency, uncertainty, math.sqrt(power), above, 1, math.nan, folded[:ALIASES])
+    return Peak(at_frequency, uncertainty, math.sqrt(power), above, 1, math.nan, folded[:MAX_ALIASES])
 
 
 def _with_harmonics(peaks: list[Peak], spacing: float) -> list[Peak]:

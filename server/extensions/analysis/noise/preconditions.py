@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve
 from imuscope.server.extensions.analysis.noise.disturbances import (
@@ -30,20 +31,20 @@ from imuscope.server.extensions.analysis.noise.sample_quality import sample_faul
 from imuscope.server.extensions.analysis.signals.companions import Companions
 from imuscope.server.extensions.analysis.signals.rest import Rest
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from imuscope.server.extensions.analysis.signals.units import G, Unit
 
 LEAST_S = 20.0  # at rest, for any parameter
-MOVING = 0.25  # part of the range
-GRAVITY = 0.5  # m/s², of its strength: an uncalibrated accelerometer is off by less
-TILTED = 0.5  # °: gravity turns by less as an accelerometer warms up
-BIAS, BIAS_OF_SHEET = 10.0, 2.0  # °/s: a larger mean rate is a turn, also of a sensor whose data sheet is unknown
-TURNED, TURNING = 3.0, 0.01  # ° and °/s: the heading of a filter without a reference drifts by less
-WARMED = 10.0  # °C: over more a line is not how a bias depends on temperature
-MISSING = 0.1  # part of the range
-TORN = 0.2  # the longest stretch as part of all samples
+MAX_MOVING_SHARE = 0.25  # part of the range
+GRAVITY_ERROR = 0.5  # m/s², of its strength: an uncalibrated accelerometer is off by less
+MAX_TILT_DEG = 0.5  # °: gravity turns by less as an accelerometer warms up
+MAX_BIAS, MAX_KNOWN_BIAS = 10.0, 2.0  # °/s: a larger mean rate is a turn, also of a sensor whose data sheet is unknown
+MAX_TURN_DEG, MAX_TURN_RATE = 3.0, 0.01  # ° and °/s: the heading of a filter without a reference drifts by less
+MAX_WARMING_C = 10.0  # °C: over more a line is not how a bias depends on temperature
+MAX_MISSING_SHARE = 0.1  # part of the range
+MIN_LONGEST_SHARE = 0.2  # the longest stretch as part of all samples
 REST = "Lay the sensor down where nothing moves it, for 20 minutes, and record again."
-BLOCKS, BLOCK_STEPS = 30, 20  # parts of a stretch, of 2 s or more
+STRETCH_BLOCKS, BLOCK_STEPS = 30, 20  # parts of a stretch, of 2 s or more
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +153,7 @@ def _status(measured: Measured) -> Obstacle | None:
 
 def _motion(measured: Measured) -> Obstacle | None:
     rest = measured.rest
-    if rest.moving <= MOVING * rest.whole:
+    if rest.moving <= MAX_MOVING_SHARE * rest.whole:
         return None
     return Obstacle("motion", f"Moving: {rest.moving:.3g} s of {rest.whole:.3g} s.", REST)
 
@@ -163,7 +164,7 @@ def _gravity(measured: Measured) -> Obstacle | None:
     if not means:
         return None
     size = float(np.linalg.norm(np.concatenate(means), axis=1).mean())
-    if abs(size - G) <= GRAVITY:
+    if abs(size - G) <= GRAVITY_ERROR:
         return None
     message = f"Gravity: the accelerometers show {size:.3g} m/s² in place of 9.81 m/s²."
     return Obstacle("gravity", message, "Calibrate the accelerometer, and record at rest.")
@@ -178,7 +179,7 @@ def _tilt(measured: Measured) -> Obstacle | None:
         angles = np.degrees(np.arccos(np.clip(directions @ directions[0], -1, 1)))
         scatter = np.degrees(np.linalg.norm(np.diff(directions, axis=0), axis=1))
         angle = float(angles.max())
-        if angle > max(TILTED, 6 * float(np.median(scatter)) if len(scatter) > 2 else 0.0):
+        if angle > max(MAX_TILT_DEG, 6 * float(np.median(scatter)) if len(scatter) > 2 else 0.0):
             worst = max(worst, angle)
     if not worst:
         return None
@@ -197,7 +198,7 @@ def _turning(measured: Measured) -> Obstacle | None:
     else:
         return None
     known = measured.signal.data_sheet is not None
-    limit = BIAS_OF_SHEET if known else BIAS
+    limit = MAX_KNOWN_BIAS if known else MAX_BIAS
     if size <= limit:
         return None
     message = f"Turning: the mean rate of turn is {size:.3g} °/s; a bias is at most {limit:.3g} °/s."
@@ -211,7 +212,7 @@ def _attitude(measured: Measured) -> Obstacle | None:
         time, q = samples.time[part], samples.values[part][:: max(1, (part.stop - part.start) // 1000)]
         angle = float(np.degrees(2 * np.arccos(np.clip(np.abs(q @ q[0]), 0, 1))).max())
         seconds = float(time[-1] - time[0])
-        if angle > max(TURNED, TURNING * seconds, worst):
+        if angle > max(MAX_TURN_DEG, MAX_TURN_RATE * seconds, worst):
             worst, within = angle, seconds
     if not worst:
         return None
@@ -226,9 +227,9 @@ def _temperature(measured: Measured) -> Obstacle | None:
     if len(degrees) < 2:
         return None
     low, high = (float(one) for one in np.quantile(degrees, (0.01, 0.99)))
-    if high - low <= WARMED:
+    if high - low <= MAX_WARMING_C:
         return None
-    message = f"Warming up: the temperature goes from {low:.1f} to {high:.1f} °C, by more than {WARMED:.0f} °C."
+    message = f"Warming up: the temperature goes from {low:.1f} to {high:.1f} °C, by more than {MAX_WARMING_C:.0f} °C."
     return Obstacle("temperature", message, "Let the sensor warm up for 20 minutes, and record again.")
 
 
@@ -236,7 +237,10 @@ def _gaps(measured: Measured) -> Obstacle | None:
     sampling = measured.sampling
     total = measured.rest.whole + sampling.missing
     longest = sampling.longest / sampling.rate
-    if sampling.missing <= MISSING * total and sampling.longest >= TORN * measured.rest.whole * sampling.rate:
+    if (
+        sampling.missing <= MAX_MISSING_SHARE * total
+        and sampling.longest >= MIN_LONGEST_SHARE * measured.rest.whole * sampling.rate
+    ):
         return None
     message = f"Gaps: {sampling.missing:.3g} s of {total:.3g} s are missing in {counted(sampling.gaps, 'gap')}; "
     message += f"the longest stretch without one has {longest:.3g} s."
@@ -308,5 +312,5 @@ def _stretches(time: Floats, moving: Sequence[tuple[float, float]]) -> list[slic
 
 def _block_means(values: Floats) -> Floats:
     """Means of equal parts of a stretch, (n, 3), fewer if it is short."""
-    count = max(1, min(BLOCKS, len(values) // BLOCK_STEPS))
+    count = max(1, min(STRETCH_BLOCKS, len(values) // BLOCK_STEPS))
     return np.stack([part.mean(axis=0) for part in np.array_split(values, count)])

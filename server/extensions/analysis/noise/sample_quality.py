@@ -16,18 +16,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
-MOST = 100_000  # samples that determine the resolution
+MAX_RESOLUTION_SAMPLES = 100_000  # samples that determine the resolution
 STUCK_S = 0.5
 MIN_WINDOW = 25  # samples: a smaller window's variance scatters too much
-QUIET = 0.01  # of the noise of the loud windows: noise by chance is never so low
-RARE = 1e-9  # probability of a stretch of equal values as long by chance
-REPEATED = 0.03  # part of equal neighbours beyond what rounding explains
-SMALL = 0.05  # part of the distances between values
-COARSE = 1.0  # standard deviations in a step of the resolution
-CLIPPED, CLIPPED_PART = 5, 5e-4  # samples at an extreme, at least
+QUIET_SHARE = 0.01  # of the noise of the loud windows: noise by chance is never so low
+CHANCE_PROBABILITY = 1e-9  # probability of a stretch of equal values as long by chance
+REPEATED_SHARE = 0.03  # part of equal neighbours beyond what rounding explains
+SMALL_STEP_SHARE = 0.05  # part of the distances between values
+COARSE_SIGMAS = 1.0  # standard deviations in a step of the resolution
+MIN_CLIPPED_SAMPLES, MIN_CLIPPED_SHARE = 5, 5e-4  # samples at an extreme, at least
 Fault = tuple[str, str, str]
 """Name of a check, its finding, and the remedy."""
 
@@ -82,11 +82,11 @@ def sample_faults(values: Floats, runs: Sequence[slice], rate: float, unit: str)
     if quiet := _quiet(parts, rate):
         return [("stuck", f"Stuck: {quiet / rate:.3g} s without noise.", _CHECK_SENSOR)]
     (finest, step), scatter, equal = resolution([part.values for part in parts]), _scatter(parts), _equal(parts)
-    if finest > COARSE * scatter:
+    if finest > COARSE_SIGMAS * scatter:
         words = f"Coarse resolution: a step of {_with(finest, unit, 3)} is larger than the noise."
         return [("resolution", words, "Set the device to an output format with a finer resolution, and record again.")]
     by_rounding = step / (2 * math.sqrt(math.pi) * scatter)
-    if equal > 1.5 * by_rounding + REPEATED:
+    if equal > 1.5 * by_rounding + REPEATED_SHARE:
         return [("repeated", f"Repeated samples: {100 * equal:.0f} % equal the one before.", _lower_rate(equal, rate))]
     return _clipped([part.values for part in parts], unit)
 
@@ -108,7 +108,7 @@ def _stuck(parts: Sequence[Steps], rate: float, unit: str) -> list[Fault]:
         return [("stuck", f"Stuck: all {counted(n, 'sample')} are {_with(first, unit)}.", _CHECK_SENSOR)]
     longest, at_value = max((part.longest_equal() for part in parts), key=lambda pair: pair[0])
     others = max(_equal(parts) - longest / n, 0.0)
-    if longest >= max(STUCK_S * rate, 10) and n * others ** (longest - 1) < RARE:
+    if longest >= max(STUCK_S * rate, 10) and n * others ** (longest - 1) < CHANCE_PROBABILITY:
         words = f"Stuck: {longest / rate:.3g} s without a change, at {_with(at_value, unit)}."
         return [("stuck", words, _CHECK_SENSOR)]
     return []
@@ -127,10 +127,10 @@ def resolution(parts: Sequence[Floats]) -> tuple[float, float]:
     Only where the small one is large, too, the values lie on a coarse grid: those of a steady swing are few, but the
     ones near its ends are close to each other.
     """
-    values = np.unique(np.concatenate(parts)[:MOST])
+    values = np.unique(np.concatenate(parts)[:MAX_RESOLUTION_SAMPLES])
     if len(values) < 2:
         return 0.0, 0.0
-    small, usual = np.quantile(np.diff(values), (SMALL, 0.5))
+    small, usual = np.quantile(np.diff(values), (SMALL_STEP_SHARE, 0.5))
     return float(small), float(usual)
 
 
@@ -151,14 +151,14 @@ def _quiet(parts: Sequence[Steps], rate: float) -> int:
     noise = np.concatenate(intervals)
     if len(noise) < 4:
         return 0
-    count = int(np.count_nonzero(noise < QUIET * float(np.quantile(noise, 0.75))))
+    count = int(np.count_nonzero(noise < QUIET_SHARE * float(np.quantile(noise, 0.75))))
     return count * length if count >= 2 and count < 0.75 * len(noise) else 0
 
 
 def _scatter(parts: Sequence[Steps]) -> float:
     """Standard deviation of the white noise, from neighbouring samples that differ."""
-    some = np.concatenate([part.steps[: 2 * MOST] for part in parts])
-    changed = some[some != 0][:MOST]
+    some = np.concatenate([part.steps[: 2 * MAX_RESOLUTION_SAMPLES] for part in parts])
+    changed = some[some != 0][:MAX_RESOLUTION_SAMPLES]
     # with all steps for a coarse resolution, of which most are 0; with those that differ if samples are repeated
     fine = len(np.unique(np.abs(changed))) > 50
     count = sum(len(part.steps) - (part.equal if fine else 0) for part in parts)
@@ -170,7 +170,7 @@ def _clipped(parts: Sequence[Floats], unit: str) -> list[Fault]:
     extremes = max(float(part.max()) for part in parts), min(float(part.min()) for part in parts)
     for extreme, word in zip(extremes, ("highest", "lowest"), strict=True):
         count = sum(int(np.count_nonzero(part == extreme)) for part in parts)
-        if count < max(CLIPPED, CLIPPED_PART * n):
+        if count < max(MIN_CLIPPED_SAMPLES, MIN_CLIPPED_SHARE * n):
             continue
         rest = np.concatenate([part[part != extreme] for part in parts])
         beside = float(rest.max() if word == "highest" else rest.min())

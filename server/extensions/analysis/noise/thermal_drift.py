@@ -17,13 +17,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 
-BLOCKS = 60
+MEAN_BLOCKS = 60
 MIN_BLOCKS = 12
 LEAST_CHANGE = 0.2  # °C: less cannot be distinguished from the noise of the temperature sensor
-SIGNIFICANT = 5.0  # standard deviations of the coefficient: its uncertainty depends on the estimated share of the walk
-WALKS = (
+SIGNIFICANT_SIGMAS = 5.0  # of the coefficient, whose uncertainty depends on the estimated share of the walk
+WALK_SHARES = (
     0.0,
     0.01,
     0.03,
@@ -78,7 +78,7 @@ def thermal_drift(
     if high - low < LEAST_CHANGE:
         return None
     slope, sigma = _slope(centres, warmth, means)
-    if not abs(slope) >= SIGNIFICANT * sigma:
+    if not abs(slope) >= SIGNIFICANT_SIGMAS * sigma:
         return None
     part = slope * (_along(time, centres, warmth) - float(warmth.mean()))
     return ThermalDrift(slope, sigma, low, high, part)
@@ -91,7 +91,7 @@ def blocks_of(runs: Sequence[slice], whole: int) -> list[slice]:
 
 def _blocks(run: slice, whole: int) -> list[slice]:
     """Parts of a run of about the same length, in proportion to its share of all samples."""
-    length = max(1, whole // BLOCKS)
+    length = max(1, whole // MEAN_BLOCKS)
     count = (run.stop - run.start) // length
     edges = np.linspace(run.start, run.stop, max(count, 1) + 1).astype(int)
     if not count:
@@ -114,7 +114,7 @@ def _slope(centres: Floats, warmth: Floats, means: Floats) -> tuple[float, float
     walk = np.minimum.outer(steps, steps)
     design = np.stack([np.ones(count), warmth - warmth.mean()], axis=1)
     best, estimate = -np.inf, (0.0, np.inf)
-    for share in WALKS:
+    for share in WALK_SHARES:
         root = np.linalg.cholesky(np.eye(count) + share * walk)
         rows, right = np.linalg.solve(root, design), np.linalg.solve(root, means)
         normal = rows.T @ rows

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.registry import AnalysisOption, choice
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
-from imuscope.server.extensions.analysis.signals.signals import Floats
 
 WINDOWS = ("hann", "hamming", "blackmanharris", "flattop", "boxcar")
 DETRENDING = ("constant", "linear", "none")
 SCALES = ("power", "amplitude")
-SEGMENTS = 8  # of the automatic length, at half overlap
+AUTOMATIC_SEGMENTS = 8  # of the automatic length, at half overlap
 MIN_LENGTH, MAX_LENGTH = 16, 1 << 16
-BLOCK = 1 << 18  # samples transformed together
+BLOCK_SAMPLES = 1 << 18  # samples transformed together
 
 OPTIONS = (
     AnalysisOption("length", 0, 0, 1 << 22, "samples", "Length of a segment; 0 chooses one."),
@@ -67,7 +67,7 @@ class Segments:
         return 2 * total * total / variance
 
 
-def segments_for(sampling: Sampling, settings: Mapping[str, float], count: int = SEGMENTS) -> Segments:
+def segments_for(sampling: Sampling, settings: Mapping[str, float], count: int = AUTOMATIC_SEGMENTS) -> Segments:
     """Segments for a signal.
 
     Args:
@@ -102,7 +102,7 @@ def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: 
     from scipy.signal import detrend
 
     squares = np.zeros(2 * (segments.length // 2 + 1))
-    together = max(1, BLOCK // segments.length)
+    together = max(1, BLOCK_SAMPLES // segments.length)
     for values, count in zip(runs, counts, strict=True):
         if not count:
             continue

@@ -10,9 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import ENU_FROM, conjugate, euler_columns, product, quaternions
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.signals.signals import Floats, ReadSamples, Signal, SignalColumn
+from imuscope.server.extensions.analysis.signals.signals import ReadSamples, Signal, SignalColumn
 from imuscope.server.wire import ChannelInfo
 
 HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])  # about x: FLU in FRD, and back

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import quaternions
 from imuscope.server.extensions.analysis.signals.stillness import (
     FORCE_CHANGE,
@@ -28,7 +28,6 @@ from imuscope.server.extensions.analysis.signals.stillness import (
 from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples, Triad, gather, sensors_in
 from imuscope.server.wire import BitsInfo, ChannelInfo
 
-Floats = NDArray[np.float64]
 ReadColumn = Callable[[ChannelInfo, int], tuple[Floats, Floats]]
 """Times and values of a column, by its position in the channel."""
 

@@ -13,12 +13,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.protocols.arrays import Floats
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
 Pairing = Literal["interpolated", "nearest"]
-GAP = 2.5  # a step longer than this many usual ones is a gap, as in the plots
+GAP_STEPS = 2.5  # a step longer than this many usual ones is a gap, as in the plots
 SAMPLES_PER_INTERVAL = 6  # samples of an interval: first, last, and the extremes of x and y
-DIGITS = 7  # significant ones of the greatest value, as many as a 32-bit float has
+FLOAT32_DIGITS = 7  # significant ones of the greatest value, as many as a 32-bit float has
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,7 @@ def thinned(pairs: Pairs, most: int) -> Pairs:
 def shortened(values: Floats) -> list[float]:
     """The values without digits that a 32-bit float does not have."""
     largest = float(np.abs(values).max(initial=0.0))
-    decimals = DIGITS - int(np.ceil(np.log10(largest))) if largest > 0 else 0
+    decimals = FLOAT32_DIGITS - int(np.ceil(np.log10(largest))) if largest > 0 else 0
     return np.round(values, decimals).tolist()  # type: ignore[no-any-return]  # numpy: Any
 
 
@@ -105,7 +106,7 @@ def _at(signal: Signal, time: Floats, how: Pairing) -> Floats:
         if signal.period:
             values = _around(values, signal.period, signal.values)
     beyond = np.maximum(own[0] - time, time - own[-1]) > (usual / 2 if how == "nearest" else 0)
-    bridged = (steps > GAP * usual) & (share > 0) & (share < 1)
+    bridged = (steps > GAP_STEPS * usual) & (share > 0) & (share < 1)
     return np.where(beyond | bridged, np.nan, values)
 
 
@@ -120,7 +121,7 @@ def _starts(time: Floats, all_times: Floats) -> NDArray[np.bool_]:
     if not len(time):
         return np.zeros(0, np.bool_)
     steps = np.diff(all_times)
-    longest = GAP * float(np.median(steps)) if len(steps) else 0.0
+    longest = GAP_STEPS * float(np.median(steps)) if len(steps) else 0.0
     return np.concatenate([[True], np.diff(time) > longest])
 
 

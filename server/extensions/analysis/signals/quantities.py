@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from imuscope.server.extensions.analysis.signals.signals import Floats
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 
 
@@ -43,7 +43,6 @@ class Quantity:
 
     @property
     def number(self) -> float:
-        """Value of a number."""
         return float(self.parts[0])
 
     @property
@@ -66,7 +65,6 @@ class Quantity:
 
 
 def number(value: float, unit: Unit = NO_UNIT) -> Quantity:
-    """A number as typed."""
     return Quantity((np.asarray(value, np.float64),), unit, is_literal=True)
 
 

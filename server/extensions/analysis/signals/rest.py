@@ -15,8 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from imuscope.server.extensions.analysis.signals.stillness import (
     FORCE_CHANGE,
     FORCE_SPREAD,
@@ -29,8 +30,8 @@ from imuscope.server.extensions.analysis.signals.units import Unit
 
 WINDOW_S = 1.0
 MIN_WINDOW = 25  # samples: a smaller window's variance scatters too much
-EXCESS = 5.0  # times the usual variance
-QUIET = 0.1  # part of the windows that are quiet even if the sensor moves most of the time
+MOVING_VARIANCE_RATIO = 5.0  # times the usual variance
+QUIET_WINDOW_SHARE = 0.1  # part of the windows that are quiet even if the sensor moves most of the time
 TURN, FORCE = Unit.parse("°/s"), Unit.parse("m/s²")
 
 
@@ -97,7 +98,7 @@ def _resting_runs(values: Floats, sampling: Sampling) -> list[slice]:
     everything = np.concatenate(variances) if variances else np.empty(0)
     if len(everything) < 4:
         return list(sampling.runs)
-    limit = EXCESS * _usual(everything, length)
+    limit = MOVING_VARIANCE_RATIO * _usual(everything, length)
     if limit <= 0:
         return list(sampling.runs)
     runs: list[slice] = []
@@ -114,7 +115,7 @@ def _usual(variances: Floats, length: int) -> float:
     from scipy.special import chdtri
 
     freedom = length - 2
-    return float(np.quantile(variances, QUIET)) * freedom / float(chdtri(freedom, 1 - QUIET))
+    return float(np.quantile(variances, QUIET_WINDOW_SHARE)) * freedom / float(chdtri(freedom, 1 - QUIET_WINDOW_SHARE))
 
 
 def _variances(values: Floats, length: int) -> Floats:

@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 
-GAP = 1.5  # a step longer than this many usual ones …
-SCATTER = 6.0  # … and by this many standard deviations of the usual ones: jitter makes no gaps
-UNEVEN = 0.1  # of a step: larger jitter is noted
-MANY, STRETCHES = 1 << 18, 64  # steps that are enough for their median, and the stretches that they are taken from
+GAP_STEPS = 1.5  # a step longer than this many usual ones …
+GAP_SIGMAS = 6.0  # … and by this many standard deviations of the usual ones: jitter makes no gaps
+MAX_JITTER_STEPS = 0.1  # of a step: larger jitter is noted
+MAX_MEDIAN_STEPS, MEDIAN_STRETCHES = 1 << 18, 64  # steps for a median, from so many stretches
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ class Sampling:
             remarks.append(
                 f"{counted(self.gaps, 'gap')}, {self.missing:.3g} s in sum: nothing is computed across a gap."
             )
-        if self.jitter > UNEVEN / self.rate:
+        if self.jitter > MAX_JITTER_STEPS / self.rate:
             percent = 100 * self.jitter * self.rate
             remarks.append(f"The sample times have a jitter of {percent:.0f} % of a step; even spacing is assumed.")
         return remarks
@@ -81,7 +82,7 @@ def sampling_of(signal: Signal, least: int) -> Sampling:
         raise DomainError("no-result", f"Most samples of {signal.name} share the time of another one.", hint)
     scatter = 1.4826 * float(np.median(np.abs(some - usual)))
     begins = signal.begins
-    at = np.flatnonzero(steps > GAP * usual + SCATTER * scatter) + 1
+    at = np.flatnonzero(steps > GAP_STEPS * usual + GAP_SIGMAS * scatter) + 1
     at = at[~np.isin(at, begins)] if len(begins) else at
     edges = sorted({0, *at.tolist(), *begins.tolist(), n})
     within = np.delete(steps, np.concatenate((at, begins)) - 1) if len(edges) > 2 else steps
@@ -98,10 +99,10 @@ def sampling_of(signal: Signal, least: int) -> Sampling:
 
 def _stretches(steps: Floats) -> Floats:
     """Steps of stretches all over the signal, enough for their median; stretches, as steps may come in patterns."""
-    length = MANY // STRETCHES
-    if len(steps) <= 2 * MANY:
+    length = MAX_MEDIAN_STEPS // MEDIAN_STRETCHES
+    if len(steps) <= 2 * MAX_MEDIAN_STEPS:
         return steps
-    begins = np.linspace(0, len(steps) - length, STRETCHES).astype(np.int64)
+    begins = np.linspace(0, len(steps) - length, MEDIAN_STRETCHES).astype(np.int64)
     return np.concatenate([steps[begin : begin + length] for begin in begins.tolist()])
 
 

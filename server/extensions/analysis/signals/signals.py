@@ -14,14 +14,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.companions import CompanionChannels, Companions
 from imuscope.server.library.range_query import query_columns, stored_values
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.wire import ChannelInfo
-
-Floats = NDArray[np.float64]
 
 EULER_ANGLES = "EulerAngles"  # what the page derives from a quaternion is called so
 ANGLES = ("roll", "pitch", "yaw")
@@ -101,12 +100,10 @@ class SignalColumn:
 
     @property
     def device(self) -> str:
-        """Device of the channel."""
         return self.info.device
 
     @property
     def columns(self) -> list[SignalColumn]:
-        """The columns that are read for it."""
         others = [] if self.companions is None else self.companions.columns
         return [self, *(SignalColumn(info, at) for info, at in others)]
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.server.extensions.analysis.signals.triads import Floats, Samples
+from imuscope.protocols.arrays import Floats
+from imuscope.server.extensions.analysis.signals.triads import Samples
 
 STEP_S = 0.1
 WINDOW_S = 1.0

@@ -17,10 +17,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.analysis.signals.units import Unit
 from imuscope.server.wire import ChannelInfo
-
-Floats = NDArray[np.float64]
 
 _NAMES: dict[str, tuple[re.Pattern[str], str]] = {
     "gyroscope": (re.compile(r"rate.?of.?turn|angular.?(rate|velocity)|gyr|pqr", re.I), "rad/s"),

@@ -70,8 +70,8 @@ def read_robots(path: Path) -> RobotCredentials:
 def access_rules(robots: RobotCredentials) -> dict[str, Any]:
     """`access_control` of a Zenoh router."""
 
-    def rule(id: str, flow: str, messages: Sequence[str], *keys: str) -> dict[str, Any]:
-        return {"id": id, "flows": [flow], "permission": "allow", "messages": list(messages), "key_exprs": list(keys)}
+    def rule(name: str, flow: str, messages: Sequence[str], *keys: str) -> dict[str, Any]:
+        return {"id": name, "flows": [flow], "permission": "allow", "messages": list(messages), "key_exprs": list(keys)}
 
     common = [
         rule("queries to the fleet server", "ingress", ["query"], f"{keys.FLEET}/**"),

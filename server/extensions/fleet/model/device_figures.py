@@ -20,11 +20,11 @@ from imuscope.server.streaming.channel_store import ChannelStore, StoredChannel
 LOSS_S = 60.0
 RATE_S = 10.0  # shorter ones wobble by a sample
 FRESH_S = 10.0  # a value that is older is not shown
-LONGEST = 100
+MAX_TEXT_CHARS = 100
 _FIX = re.compile(r"^fix_?type$", re.IGNORECASE)
 
 
-def clipped(text: str, length: int = LONGEST) -> str:
+def clipped(text: str, length: int = MAX_TEXT_CHARS) -> str:
     """Text of a device as one line, short enough for a report."""
     line = " ".join(text.encode("utf-8", "replace").decode().split())
     return line if len(line) <= length else line[: length - 1] + "…"

@@ -14,8 +14,8 @@ log = logging.getLogger("imuscope.fleet")
 
 PER_SENDER = 2 * 1024 * 1024  # bytes
 IN_ALL = 64 * 1024 * 1024
-OVERHEAD = 200  # bytes that a message costs beside its own
-AT_ONCE = 50
+OVERHEAD_BYTES = 200  # bytes that a message costs beside its own
+MESSAGES_PER_PASS = 50
 """Messages that are handled before others have a turn of the loop."""
 
 
@@ -42,7 +42,7 @@ class Inbox:
     def put(self, sender: str, data: bytes) -> None:
         """Queue a message. May be called from any thread, and never waits."""
         loop = self._loop
-        size = len(data) + OVERHEAD
+        size = len(data) + OVERHEAD_BYTES
         with self._lock:
             queued = self._sizes.get(sender, 0) + size
             if loop is None or queued > PER_SENDER or self._size + size > IN_ALL:
@@ -57,7 +57,7 @@ class Inbox:
                 loop.call_soon_threadsafe(self._drain, loop)
 
     def _drain(self, loop: asyncio.AbstractEventLoop) -> None:
-        for _ in range(AT_ONCE):
+        for _ in range(MESSAGES_PER_PASS):
             with self._lock:
                 if not self._queue:
                     return
@@ -69,8 +69,8 @@ class Inbox:
             finally:
                 with self._lock:
                     self._queue.popleft()
-                    left = self._sizes[sender] - len(data) - OVERHEAD
-                    self._size -= len(data) + OVERHEAD
+                    left = self._sizes[sender] - len(data) - OVERHEAD_BYTES
+                    self._size -= len(data) + OVERHEAD_BYTES
                     self._sizes[sender] = left
                     if not left:
                         del self._sizes[sender]

@@ -29,7 +29,7 @@ from imuscope.server.extensions.fleet.model.reports import MAX_REPORT, Boot, Cou
 log = logging.getLogger("imuscope.fleet")
 
 SUFFIX = ".reports"
-PARTS = 8  # a file has this share of the limit, so that little is lost with the oldest
+FILES_PER_LIMIT = 8  # a file has this share of the limit, so that little is lost with the oldest
 JOIN_ABOVE = 32  # files: a robot that is started often begins many
 _head = struct.Struct(">II")
 
@@ -161,7 +161,7 @@ class JournalFiles:
         file = self._files[-1]
         file.size += len(pieces)
         file.lasts[boot] = last
-        if file.size >= self._limit // PARTS:
+        if file.size >= self._limit // FILES_PER_LIMIT:
             self.sync()
             self.close()
         while len(self._files) > 1 and sum(one.size for one in self._files) > self._limit:

@@ -84,16 +84,14 @@ class FleetTables(ExtensionSettings):
 
     @classmethod
     def add_options(cls, command: argparse.ArgumentParser) -> None:
-        command.add_argument(
-            "--store", metavar="URL", help=f"store of recordings to answer questions about: {STORE_FORMS}"
-        )
+        command.add_argument("--store", metavar="URL", help=f"store of recordings to query: {STORE_FORMS}")
         command.add_argument(
             "--fleet", metavar="ADDRESS", help="join the fleet at tcp/HOST:PORT or tls/HOST:PORT (`imuscope fleet`)"
         )
         command.add_argument(
             "--fleet-name",
             metavar="NAME",
-            help="name of this robot in its fleet and in the store, which no other robot may have (default: host name)",
+            help="unique name of this robot in its fleet and in the store (default: host name)",
         )
 
     @classmethod

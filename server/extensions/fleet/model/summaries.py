@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
+import msgspec
 from pydantic import BaseModel, Field
 
-from imuscope.server.extensions.fleet.model.reports import RobotDevice
+from imuscope.server.extensions.fleet.model.reports import RobotDevice, RobotStatus
 
 RobotState = Literal["live", "lost"]
 SettingsState = Literal["unknown", "as-profile", "drifted"]
@@ -101,3 +102,25 @@ def _with_hysteresis(new: float | None, shown: float | None, relative: float, ab
     if shown is not None and (new == 0) == (shown == 0) and abs(new - shown) < max(relative * abs(shown), absolute):
         return shown
     return float(f"{new:.3g}") if abs(new) < 1000 else float(round(new))
+
+
+def summary_of(name: str, status: RobotStatus, since: float, *, is_live: bool = True) -> RobotSummary:
+    """A status as the page shows it."""
+    return RobotSummary(
+        name=name,
+        group=status.group,
+        state="live" if is_live else "lost",
+        since=since,
+        latency_ms=status.latency_ms,
+        version=status.version,
+        address=status.address,
+        pages=status.pages,
+        recording=status.recording,
+        disk_free_bytes=status.disk_free_bytes,
+        settings="unknown",
+        drifted=0,
+        same_name=0,
+        alarms=[RobotAlarm.model_validate(msgspec.structs.asdict(one)) for one in status.alarms],
+        devices=list(status.devices),
+        more=status.more,
+    )

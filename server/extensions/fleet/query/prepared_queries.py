@@ -12,7 +12,7 @@ NEAR_ZERO_DEGREES = 3.0
 """Mean rate of turn, °/s, up to which a minute of rest is one: a steady turn is not rest. No usable gyroscope is
 worse.
 """
-GRAVITY = 9.80665
+STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class PreparedQuestion:
 
 
 _DEGREES = "(CASE unit WHEN 'rad/s' THEN 180 / pi() ELSE 1 END)"
-_METRES = f"(CASE unit WHEN 'g' THEN {GRAVITY} ELSE 1 END)"
+_METRES = f"(CASE unit WHEN 'g' THEN {STANDARD_GRAVITY} ELSE 1 END)"
 
 QUESTIONS: Mapping[str, PreparedQuestion] = {
     "gyro-bias": PreparedQuestion(
@@ -58,9 +58,10 @@ FROM devices GROUP BY adapter, link ORDER BY lost_ppm DESC NULLS LAST, adapter, 
     "shocks": PreparedQuestion(
         "drives with |a| > 3 g, the hardest first",
         f"""WITH hard AS (
-    SELECT recording, device, max(max * {_METRES}) / {GRAVITY} AS peak_g, count(*) AS minutes,
+    SELECT recording, device, max(max * {_METRES}) / {STANDARD_GRAVITY} AS peak_g, count(*) AS minutes,
            arg_max(minute, max * {_METRES}) AS hardest_minute
-    FROM minutes WHERE quantity = 'acceleration' AND axis = 'norm' AND max * {_METRES} > 3 * {GRAVITY} GROUP BY ALL
+    FROM minutes WHERE quantity = 'acceleration' AND axis = 'norm' AND max * {_METRES} > 3 * {STANDARD_GRAVITY}
+    GROUP BY ALL
 )
 SELECT recordings.robot, started, title, product, serial_number, peak_g, hard.minutes, hardest_minute, recording, object
 FROM hard JOIN devices USING (recording, device) JOIN recordings USING (recording)

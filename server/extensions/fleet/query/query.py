@@ -236,9 +236,9 @@ def _long_view(connection: duckdb.DuckDBPyConnection, fields: Sequence[pa.Field]
     _define(connection, "CREATE MACRO samples(name) AS TABLE SELECT * FROM samples WHERE signal = name")
 
 
-def _sql_type(type: pa.DataType) -> str:
+def _sql_type(column_type: pa.DataType) -> str:
     return {pa.string(): "VARCHAR", pa.float64(): "DOUBLE", pa.int64(): "BIGINT", pa.date32(): "DATE"}.get(
-        type, "TIMESTAMPTZ"
+        column_type, "TIMESTAMPTZ"
     )
 
 

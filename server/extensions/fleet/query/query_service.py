@@ -25,12 +25,12 @@ from imuscope.server.services.parts import ServicePart
 from imuscope.server.services.services import Services
 from imuscope.server.system.workers import Worker
 
-EACH = 1  # questions of one user that run at once
+RUNNING_EACH = 1  # questions of one user that run at once
 WAITING_EACH = 8
 GRACE_S = 20.0  # for a process to start, and to report its own time-out
 WORDS_S = 60.0  # for which tables and signals are taken as they were
 FETCH_S = 3600.0
-PIECE = 1 << 18
+PIECE_BYTES = 1 << 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class QueryService:
 
     def __init__(self, settings: StoreSettings) -> None:
         self.settings = settings
-        self.queue = FairQueue(max(2, (os.cpu_count() or 2) // 2), EACH, WAITING_EACH)
+        self.queue = FairQueue(max(2, (os.cpu_count() or 2) // 2), RUNNING_EACH, WAITING_EACH)
         self._running: dict[int, RunningQuery] = {}
         self._numbers = itertools.count()
         self._words: tuple[float, dict[str, Any]] | None = None
@@ -171,7 +171,7 @@ async def _end_after(worker: Worker, seconds: float) -> None:
 
 async def _pieces(worker: Worker) -> AsyncIterator[bytes]:
     """The answer; an OSError if it is cut off."""
-    while piece := await worker.output.read(PIECE):
+    while piece := await worker.output.read(PIECE_BYTES):
         yield piece
     if await worker.wait() != 0:
         raise OSError("the answer is cut off")

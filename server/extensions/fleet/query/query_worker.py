@@ -59,7 +59,7 @@ def query_words(store: StoreLocation) -> dict[str, Any]:
         dataset = open_table(store, table.name)
         schema = pa.schema(dataset.schema().to_arrow()) if dataset is not None else table.schema
         if table is SAMPLES:
-            long = [{"name": name, "type": type, "doc": doc} for name, type, doc in LONG]
+            long = [{"name": name, "type": type_name, "doc": doc} for name, type_name, doc in LONG]
             doc = "samples of all signals; samples('Acceleration.x') has those of one"
             tables.append({"name": "samples", "doc": doc, "columns": long})
             signals = [{"name": name, "unit": unit} for name, unit in map(_signal, schema) if name]
@@ -101,7 +101,7 @@ def _functions() -> list[dict[str, str]]:
 MAX_JSON = 64 << 20
 """Bytes of rows as JSON: a page holds them in memory."""
 OWN_MB = 3072  # of memory besides DuckDB's limit: libraries, an answer, stacks of threads
-LARGE = 1 << 53  # JavaScript's integers end here; beyond, they are text
+MAX_JSON_INTEGER = 1 << 53  # JavaScript's integers end here; beyond, they are text
 
 
 def main() -> int:
@@ -176,14 +176,14 @@ def _json(reader: pa.RecordBatchReader, most: int, began: float) -> bytes:
 
 
 def _exact(value: Any) -> Any:
-    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > LARGE:
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > MAX_JSON_INTEGER:
         return str(value)
     if isinstance(value, list):
         return [_exact(one) for one in value]
     return {name: _exact(one) for name, one in value.items()} if isinstance(value, dict) else value
 
 
-def kind_of(type: pa.DataType) -> str:
+def kind_of(column_type: pa.DataType) -> str:
     """Kind of a column, as a table or a plot treats it."""
     tests: tuple[tuple[str, Callable[[pa.DataType], bool]], ...] = (
         ("boolean", pa.types.is_boolean),
@@ -195,7 +195,7 @@ def kind_of(type: pa.DataType) -> str:
         ("text", pa.types.is_string),
         ("text", pa.types.is_large_string),
     )
-    return next((kind for kind, is_one in tests if is_one(type)), "other")
+    return next((kind for kind, is_one in tests if is_one(column_type)), "other")
 
 
 def _write_parquet(reader: pa.RecordBatchReader, out: BinaryIO) -> None:

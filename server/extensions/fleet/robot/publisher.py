@@ -37,8 +37,7 @@ from imuscope.server.extensions.fleet.model.reports import (
     RobotStatus,
 )
 from imuscope.server.extensions.fleet.model.settings import FleetTables
-from imuscope.server.extensions.fleet.model.status_summary import summary_of
-from imuscope.server.extensions.fleet.model.summaries import RobotSummary, with_hysteresis
+from imuscope.server.extensions.fleet.model.summaries import RobotSummary, summary_of, with_hysteresis
 from imuscope.server.extensions.fleet.robot.robot_settings import allowed_pages, credentials_of, robot_name
 from imuscope.server.extensions.fleet.store.known_settings import KnownSettings
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_robot import PageServer
@@ -57,7 +56,7 @@ QUIET_EVERY = 10  # reports: without news the others are left out; this one reve
 CLOCK_S = 60.0
 FULL_EVERY = 600  # reports: the whole status, for fleet servers that have joined since
 BURST_S = 10.0  # a line with a limit may send the bytes of so many seconds at once
-RESERVED = 0.3
+REPORT_SHARE = 0.3
 """Share of it that pages leave for reports."""
 KINDS = ("link", "device", "alarm", "marker", "command", "clock")
 """Events that are reported; gaps and rejects are in the figures."""
@@ -103,7 +102,7 @@ class FleetPublisher:
         self.name, self._credentials = robot_name(self._settings), credentials_of(self._settings)
         rate = self._settings.limit_kb_s * 1000
         self._budget = report_budget(rate, time.monotonic())
-        self._reserved = rate * BURST_S * RESERVED
+        self._reserved = rate * BURST_S * REPORT_SHARE
         self._budget_lock = threading.Lock()
         pages = allowed_pages(self._settings)
         self.pages = PageServer(self.name, self.journal.boot, pages, rules, self._report_command, self._delay_of_pages)
@@ -128,7 +127,6 @@ class FleetPublisher:
         self._task = loop.create_task(self._report_each_second(), name="fleet")
 
     async def close(self) -> None:
-        """Leave."""
         self._closed.set()
         await self.pages.close()
         if self._unsubscribe is not None:

@@ -30,7 +30,7 @@ from imuscope.server.extensions.fleet.model.device_settings import (
     decode_settings,
     difference,
 )
-from imuscope.server.extensions.fleet.model.operator_name import operator_name
+from imuscope.server.extensions.fleet.model.operators import operator_name
 from imuscope.server.extensions.fleet.model.reports import ReportError, RobotDevice
 from imuscope.server.extensions.fleet.model.rollout_models import ProfileOrigin
 from imuscope.server.extensions.fleet.model.summaries import RobotSummary, SettingsState

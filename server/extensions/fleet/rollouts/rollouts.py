@@ -21,7 +21,7 @@ from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import read_regular
 from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.fleet.model.operator_name import operator_name
+from imuscope.server.extensions.fleet.model.operators import operator_name
 from imuscope.server.extensions.fleet.model.reports import RobotDevice
 from imuscope.server.extensions.fleet.model.robots import Robots
 from imuscope.server.extensions.fleet.model.rollout_models import (
@@ -41,7 +41,7 @@ from imuscope.server.extensions.fleet.tunnel.robot_line import RobotLine
 
 log = logging.getLogger("imuscope.fleet")
 
-AT_ONCE = 24  # devices of a wave
+MAX_RUNNING = 24  # devices of a wave
 MAX_ROLLOUTS = 50
 BROKEN = "An internal error of the fleet server ended it; its log has the reason."
 Note = Callable[[str, str, str], None]
@@ -284,7 +284,7 @@ class Rollouts:
         try:
             for number in range(1, len(rollout.waves) + 1):
                 rollout.wave = number
-                gate = asyncio.Semaphore(AT_ONCE)
+                gate = asyncio.Semaphore(MAX_RUNNING)
                 mine = [one for one in rollout.devices if one.wave == number]
                 async with asyncio.TaskGroup() as group:
                     for one in mine:

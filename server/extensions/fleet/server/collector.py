@@ -32,8 +32,7 @@ from imuscope.server.extensions.fleet.model.reports import (
     unknown_parts,
 )
 from imuscope.server.extensions.fleet.model.robots import Robots, TooManyRobotsError
-from imuscope.server.extensions.fleet.model.status_summary import summary_of
-from imuscope.server.extensions.fleet.model.summaries import RobotSummary
+from imuscope.server.extensions.fleet.model.summaries import RobotSummary, summary_of
 from imuscope.server.extensions.fleet.query.database import FleetBatch, StoredEvent, StoredRobot
 from imuscope.server.text.printable import printable
 

@@ -34,7 +34,7 @@ from imuscope.server.extensions.alarms.machine import (
 )
 from imuscope.server.extensions.alarms.webhooks import Webhooks, checked_url
 from imuscope.server.extensions.fleet.model.fleet_settings import FleetServerSettings
-from imuscope.server.extensions.fleet.model.operator_name import operator_name
+from imuscope.server.extensions.fleet.model.operators import operator_name
 from imuscope.server.extensions.fleet.model.summaries import RobotAlarm, RobotSummary
 
 log = logging.getLogger("imuscope.fleet")

@@ -14,7 +14,7 @@ def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
     """Add `imuscope fleet`; returns its parser."""
     command = add_parser(
         "fleet",
-        help="serve the page of many robots, and the router that they connect to",
+        help="serve the fleet page, and the router that robots connect to",
         epilog="Robots join with `imuscope serve … --fleet tcp/HOST:PORT`. Settings of a file are in its table\n"
         "[fleet_server]: listen, router, robots, operators, certificate, key, ca, user, password; see docs/fleet.md.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -22,18 +22,18 @@ def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
     command.add_argument(
         "--listen",
         metavar="ADDRESS",
-        help="address for robots: tls/HOST:PORT or tcp/HOST:PORT (default tcp/127.0.0.1:7447)",
+        help="address that robots connect to: tls/HOST:PORT or tcp/HOST:PORT (default tcp/127.0.0.1:7447)",
     )
     command.add_argument("--router", metavar="ADDRESS", help="use this Zenoh router instead of listening for robots")
     command.add_argument(
         "--robots",
         metavar="FILE",
-        help="robots that may connect: NAME:PASSWORD in each line; without a line, no access",
+        help="robots that may connect: one NAME:PASSWORD per line; others have no access",
     )
     command.add_argument(
         "--operators",
         metavar="FILE",
-        help="users who may command robots of some groups: NAME:TOKEN:GROUP,GROUP in each line",
+        help="users who may command robots of some groups: one NAME:TOKEN:GROUP,GROUP per line",
     )
     command.add_argument("--bus-certificate", metavar="FILE", help="certificate for tls/ (PEM); requires --bus-key")
     command.add_argument("--bus-key", metavar="FILE", help="private key of --bus-certificate (PEM)")
@@ -48,9 +48,9 @@ def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
         help="listen to a network without TLS and passwords: anyone there can pose as a robot and read all reports",
     )
     command.add_argument(
-        "--router-config", action="store_true", help="print the configuration of a separate router (zenohd), and end"
+        "--router-config", action="store_true", help="print the configuration of a separate router (zenohd), and exit"
     )
-    add_store(command, "store of recordings to answer questions about: ", required=False)
+    add_store(command, "store of recordings to query: ", required=False)
     add_page_address(command)
     command.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings")
     return command
@@ -69,14 +69,14 @@ def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.A
 def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     command = add_parser(
         "query",
-        help="ask a store of recordings questions, in SQL",
+        help="query a store of recordings with SQL",
         epilog="prepared questions:\n" + "\n".join(f"  {name:<18}{one.title}" for name, one in QUESTIONS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("sql", nargs="?", default="", metavar="SQL", help='"SELECT …"; "-" reads standard input')
     add_store(command)
     command.add_argument("--question", choices=list(QUESTIONS), help="prepared question in place of SQL; see below")
-    command.add_argument("--show", action="store_true", help="print the SQL of the question, and end")
+    command.add_argument("--show", action="store_true", help="print the SQL of the question, and exit")
     formats, words = (
         ("table", "csv", "json", "arrow"),
         "table for people (the default); csv, json or arrow for programs",
@@ -84,14 +84,14 @@ def add_query(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
     command.add_argument("--format", choices=formats, default="table", help=words)
     command.add_argument("--json", dest="format", action="store_const", const="json", help="same as --format json")
     command.add_argument(
-        "--timeout", type=float, default=300.0, metavar="S", help="longest time, s (default 300; 0: none)"
+        "--timeout", type=float, default=300.0, metavar="S", help="time limit, s (default 300; 0: none)"
     )
-    command.add_argument("--memory", type=int, default=1024, metavar="MB", help="most memory, MB (default 1024)")
+    command.add_argument("--memory", type=int, default=1024, metavar="MB", help="memory limit, MB (default 1024)")
     return command
 
 
 def add_compact(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
-    command = add_parser("compact", help="join the small files that uploads left in a store")
+    command = add_parser("compact", help="merge the small files that uploads leave in a store")
     add_store(command)
     words = "remove files that nothing has needed for a week, those of uploads that were cut off too"
     command.add_argument("--remove-unused", action="store_true", help=words)

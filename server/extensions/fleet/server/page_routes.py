@@ -42,7 +42,7 @@ FORWARDED = frozenset({"accept", "content-type", "if-match", "if-none-match", "r
 METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE"]
 SANDBOX = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'; sandbox"
 ACTIVE = re.compile("html|xml|svg|script|css|wasm", re.IGNORECASE)
-CODES = (1000, 1001, 1002, 1003, 1008, 1009, 1011, 1012, 1013)
+CLOSE_CODES = (1000, 1001, 1002, 1003, 1008, 1009, 1011, 1012, 1013)
 """Codes below 3000 that may be sent."""
 VERSION_HINT = "Its version may be too new for this fleet server; update the fleet server."
 MAX_MESSAGE = 32 * 1024 * 1024  # bytes of one message of a WebSocket
@@ -210,4 +210,4 @@ async def _from_robot(socket: WebSocket, stream: PageStream) -> None:
         stream.acknowledge(len(part.data))
         if part.is_last:
             message.clear()
-    await socket.close(part.code if part.code in CODES or part.code >= 3000 else 1011, _reason(part.reason))
+    await socket.close(part.code if part.code in CLOSE_CODES or part.code >= 3000 else 1011, _reason(part.reason))

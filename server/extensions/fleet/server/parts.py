@@ -12,7 +12,6 @@ from imuscope.server.services.services import Services
 
 
 def parts(services: Services) -> Iterator[ServicePart]:
-    """Long-lived objects, for a server with these services."""
     config, compactor = services.config, services.recorder.compactor
     assert compactor is not None  # that of a server has one
     uploads = UploadService(config, services.catalogue, compactor, services.telemetry.bus)

@@ -102,4 +102,4 @@ async def list_events(
     """Events of all robots, the newest first, each once. They are stored within a second of their arrival."""
     events = await asyncio.to_thread(server.database.events, robot, before, limit)
     names = ("robot", "time", "kind", "level", "text", "device")
-    return [FleetEvent(id=id, **{name: getattr(event, name) for name in names}) for id, event in events]
+    return [FleetEvent(id=event_id, **{name: getattr(event, name) for name in names}) for event_id, event in events]

@@ -16,7 +16,7 @@ from imuscope.server.extensions.fleet.store.store import StoreLocation, storage_
 from imuscope.server.extensions.fleet.store.tables import TABLES
 
 KEPT_HOURS = 7 * 24
-TASKS = 2  # at once: each holds the rows of a partition
+MAX_TASKS = 2  # at once: each holds the rows of a partition
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def compact(store: StoreLocation, *, remove: bool) -> Iterator[CompactedTable]:
         with storage_errors(store):
             done = table.optimize.compact(
                 target_size=TARGET_BYTES,
-                max_concurrent_tasks=TASKS,
+                max_concurrent_tasks=MAX_TASKS,
                 writer_properties=writer_properties(),
                 commit_properties=CommitProperties(custom_metadata={"imuscope": "compact"}),
                 post_commithook_properties=keeps_log,

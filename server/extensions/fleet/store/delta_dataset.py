@@ -29,14 +29,14 @@ def dataset_of(store: StoreLocation, table: DeltaTable, kind: StoreTable) -> ds.
     actions = pa.table(table.get_add_actions(flatten=True))
     names = [unquote(name) for name in actions.column("path").to_pylist()]  # the log has them as URLs
     schema = pa.schema(table.schema().to_arrow())
-    format = ds.ParquetFileFormat(default_fragment_scan_options=ds.ParquetFragmentScanOptions(pre_buffer=True))
+    file_format = ds.ParquetFileFormat(default_fragment_scan_options=ds.ParquetFragmentScanOptions(pre_buffer=True))
     files = _files(store, kind, dict(zip(names, actions.column("size_bytes").to_pylist(), strict=True)))
     guarantees = _Guarantees(actions, schema, kind)
     fragments = [
-        format.make_fragment(name, filesystem=files, partition_expression=guarantees.of(row))
+        file_format.make_fragment(name, filesystem=files, partition_expression=guarantees.of(row))
         for row, name in enumerate(names)
     ]
-    return ds.FileSystemDataset(fragments, schema, format, files)
+    return ds.FileSystemDataset(fragments, schema, file_format, files)
 
 
 def check_readable(store: StoreLocation, table: DeltaTable) -> None:
@@ -77,8 +77,8 @@ class _Guarantees:
             low, high = self._value(f"min.{name}", row), self._value(f"max.{name}", row)
             empty = self._value(f"null_count.{name}", row)
             if low is not None and high is not None and empty is not None and empty.as_py() == 0:
-                type = self._schema.field(name).type
-                holds = holds & (pc.field(name) >= low.cast(type)) & (pc.field(name) <= high.cast(type))
+                column_type = self._schema.field(name).type
+                holds = holds & (pc.field(name) >= low.cast(column_type)) & (pc.field(name) <= high.cast(column_type))
         if self._kind is SAMPLES and self._value("num_records", row) is not None:
             for field in self._schema:  # the log counts the values of every column of a file: others are not there
                 if (field.metadata or {}).get(SIGNAL) and self._value(f"null_count.{field.name}", row) is None:

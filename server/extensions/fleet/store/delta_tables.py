@@ -21,7 +21,7 @@ from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.extensions.fleet.store.store import StoreError, StoreLocation, storage_errors
 from imuscope.server.extensions.fleet.store.tables import StoreTable
 
-ATTEMPTS = 60  # of a commit: each one that fails has lost to another that succeeded
+COMMIT_ATTEMPTS = 60  # of a commit: each one that fails has lost to another that succeeded
 COMPRESSION_LEVEL = 3
 ROW_GROUP = 1 << 18  # rows that a reader skips or reads at once
 TARGET_BYTES = 256 << 20  # of a file, after which another is begun
@@ -72,7 +72,7 @@ def append_once(
         StoreError: the store cannot be written.
     """
     backoff = Backoff(_FIRST_S, _LONGEST_S)
-    for _ in range(ATTEMPTS):
+    for _ in range(COMMIT_ATTEMPTS):
         with storage_errors(store):
             try:
                 dataset = open_table(store, table.name)

@@ -12,7 +12,7 @@ from imuscope.server.extensions.fleet.store.delta_tables import open_table
 from imuscope.server.extensions.fleet.store.store import StoreError, StoreLocation, storage_errors
 from imuscope.server.extensions.fleet.store.tables import RECORDINGS
 
-PIECE = 1 << 20
+PIECE_BYTES = 1 << 20
 
 
 class NotInStoreError(StoreError):
@@ -84,7 +84,7 @@ def _pieces(store: StoreLocation, key: str) -> Iterator[bytes]:
 
     objects = store.objects()
     with storage_errors(store):
-        for piece in get(objects, key).stream(min_chunk_size=PIECE):
+        for piece in get(objects, key).stream(min_chunk_size=PIECE_BYTES):
             yield bytes(piece)
 
 

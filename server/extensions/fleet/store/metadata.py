@@ -19,7 +19,7 @@ from imuscope.server.version import VERSION
 
 Row = dict[str, Any]
 _BY_ID = re.compile(r"/dev/serial/by-id/([^?]+)")
-_EARLIEST, _LATEST = 0.0, 9e9  # unix s; times outside cannot be those of a recording
+_EARLIEST_UNIX_S, _LATEST_UNIX_S = 0.0, 9e9  # unix s; times outside cannot be those of a recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class RecordingKey:
 
 def moment(seconds: Any) -> datetime | None:
     """A time in unix s; None if it is not a time."""
-    if not isinstance(seconds, int | float) or not _EARLIEST <= seconds <= _LATEST:
+    if not isinstance(seconds, int | float) or not _EARLIEST_UNIX_S <= seconds <= _LATEST_UNIX_S:
         return None
     return datetime.fromtimestamp(round(seconds * 1e6) / 1e6, UTC)
 

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.statistics import wrapped
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.extensions.fleet.store.metadata import Row, moment
 from imuscope.server.library.recording_detail import channels_of
 from imuscope.server.wire import ChannelInfo, ColumnInfo
-
-Floats = NDArray[np.float64]
 
 MINUTE_S = 60.0
 MIN_SAMPLES = 25  # of a minute, for an estimate of its noise

@@ -24,12 +24,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import ColumnStore
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-WINDOW = 1 << 17  # samples of a channel at once
+WINDOW_SAMPLES = 1 << 17  # samples of a channel at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,9 @@ class PacketWindow:
     samples: dict[int, tuple[int, int, Rows]]
 
 
-def packet_windows(store: ColumnStore, tracks: Sequence[Sequence[int]], size: int = WINDOW) -> Iterator[PacketWindow]:
+def packet_windows(
+    store: ColumnStore, tracks: Sequence[Sequence[int]], size: int = WINDOW_SAMPLES
+) -> Iterator[PacketWindow]:
     """The packets of a message, in order.
 
     Args:
@@ -73,8 +75,8 @@ def packet_windows(store: ColumnStore, tracks: Sequence[Sequence[int]], size: in
 
 def _is_ascending(store: ColumnStore, channel: int) -> bool:
     last = -np.inf
-    for lo in range(0, store.rows(channel), WINDOW):
-        arrival = store.clock(channel, lo, lo + WINDOW, "arrival")
+    for lo in range(0, store.rows(channel), WINDOW_SAMPLES):
+        arrival = store.clock(channel, lo, lo + WINDOW_SAMPLES, "arrival")
         if arrival[0] < last or (np.diff(arrival) < 0).any():
             return False
         last = arrival[-1]

@@ -26,7 +26,7 @@ from imuscope.recordings.sidecar import Edits
 from imuscope.recordings.sources import Source
 from imuscope.recordings.tables.table_source import TableSource
 
-PIECE = 1 << 20
+PIECE_BYTES = 1 << 20
 ID_LENGTH = 24  # hexadecimal digits of an identifier: 96 bits
 
 
@@ -36,7 +36,7 @@ def recording_id(path: Path, source: Source, robot: str) -> str:
     if not is_mcap(source) or not _add_messages(path, digest):
         for file in files_of(source):
             with file.open("rb") as data:
-                while piece := data.read(PIECE):
+                while piece := data.read(PIECE_BYTES):
                     digest.update(piece)
     return digest.hexdigest()[:ID_LENGTH]
 

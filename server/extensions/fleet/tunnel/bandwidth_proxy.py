@@ -22,7 +22,7 @@ from urllib.parse import urlsplit
 
 from imuscope.server.concurrency.limiters import TokenBucket
 
-PIECE = 4096
+PIECE_BYTES = 4096
 BURST_S = 0.05
 CONNECT_S = 10.0
 SILENCE_S = 120.0  # in both directions; a request that waits longer for its answer is repeated
@@ -138,7 +138,7 @@ def _head_of(client: socket.socket) -> tuple[bytes, bytes]:
     """
     data = b""
     while b"\r\n\r\n" not in data:
-        piece = client.recv(PIECE)
+        piece = client.recv(PIECE_BYTES)
         data += piece
         if not piece or len(data) > MAX_HEAD:
             raise ValueError
@@ -158,7 +158,7 @@ def _copy(source: socket.socket, target: socket.socket, pace: LineRate, passed: 
     with contextlib.suppress(OSError):
         while True:
             try:
-                data = source.recv(PIECE)
+                data = source.recv(PIECE_BYTES)
             except TimeoutError:
                 if time.monotonic() - passed.at < SILENCE_S:
                     continue

@@ -9,7 +9,7 @@ from collections import deque
 
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import MAX_PART
 
-SMALLEST, LARGEST = 8 * 1024, 192 * 1024  # bytes
+MIN_WINDOW_BYTES, MAX_WINDOW_BYTES = 8 * 1024, 192 * 1024
 SLOW_S = 0.5
 
 
@@ -57,7 +57,9 @@ class Window:
         self._acknowledged = size
         while self._marks and self._marks[0][0] <= size:
             took = now - self._marks.popleft()[1]
-        self.size = max(SMALLEST, self.size // 2) if took > SLOW_S else min(LARGEST, self.size + gained)
+        self.size = (
+            max(MIN_WINDOW_BYTES, self.size // 2) if took > SLOW_S else min(MAX_WINDOW_BYTES, self.size + gained)
+        )
         self._changed.set()
         return True
 

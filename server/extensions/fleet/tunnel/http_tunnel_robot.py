@@ -295,7 +295,6 @@ class RobotStream:
     # ── the application ──────────────────────────────────────────────────────────────────────────────────────────────
 
     async def run(self, app: ASGIApp) -> None:
-        """Answer."""
         try:
             await app(self._scope(), self._receive, self._send)
             if not self._has_ended:

@@ -23,7 +23,7 @@ from imuscope.server.errors import KINDS, DomainError
 from imuscope.server.extensions.fleet.model import keys
 from imuscope.server.extensions.fleet.model.inbox import Inbox
 from imuscope.server.extensions.fleet.model.summaries import RobotSummary
-from imuscope.server.extensions.fleet.tunnel.flow_control import LARGEST
+from imuscope.server.extensions.fleet.tunnel.flow_control import MAX_WINDOW_BYTES
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import (
     Acknowledge,
     Answer,
@@ -239,7 +239,10 @@ class PageStream:
             return
         if isinstance(answer, ResponsePart):
             self._received += len(answer.data)
-        if self._received - self._acknowledged > 2 * LARGEST or len(self._answers) > 2 * LARGEST // 1024:
+        if (
+            self._received - self._acknowledged > 2 * MAX_WINDOW_BYTES
+            or len(self._answers) > 2 * MAX_WINDOW_BYTES // 1024
+        ):
             self.fail(DomainError("gone", "The robot sent more than was requested.", "Its version may be too new."))
             return
         self._answers.append(answer)

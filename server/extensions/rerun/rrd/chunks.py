@@ -14,15 +14,12 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.rotations import quaternion_columns
 from imuscope.recordings.columns.store import ExactRows
 from imuscope.recordings.exporters.entities import Attitude, Curve, Path, PositionEntity
 from imuscope.recordings.exporters.enu import Origin, enu_of, is_place
-
-Floats = NDArray[np.float64]
 
 DEVICE_TIME, ARRIVAL_TIME, SAMPLE = "device_time", "arrival_time", "sample"
 LEVELS = {"info": "INFO", "warning": "WARN", "error": "ERROR"}

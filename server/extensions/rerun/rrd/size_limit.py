@@ -2,8 +2,8 @@
 
 A viewer in a browser keeps samples in memory, which is limited to 4 GB (32-bit addresses in WebAssembly), and drops the
 oldest before that; without a GPU it also draws each of them. So there are two limits, in rows of all quantities
-together: up to WHOLE a range is opened whole; up to MAX_ROWS it is on request. Beyond, every quantity with more than
-`most` rows is thinned to as many (server/extensions/rerun/rrd/writer.py explains how), and the page reports it.
+together: up to MAX_WHOLE_ROWS a range is opened whole; up to MAX_ROWS, on request. Beyond, every quantity with more
+than `most` rows is thinned to as many (server/extensions/rerun/rrd/writer.py explains how), and the page reports it.
 
     rows of the quantities      900 000   900 000    6 000
     kept, most = 20 000          20 000    20 000    6 000      one of 45 samples of those that have the most
@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 from imuscope.recordings.columns.store import ColumnStore
 
-WHOLE = 1_000_000
+MAX_WHOLE_ROWS = 1_000_000
 MAX_ROWS = 4_000_000
-EACH = 20_000  # rows of a quantity when thinned to the default limit
+ROWS_PER_QUANTITY = 20_000  # rows of a quantity when thinned to the default limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +52,9 @@ def limit_of(
 def limit_for(counts: Sequence[int], as_much: bool = False) -> ViewerLimit:
     """The same, from the number of rows of each quantity."""
     rows = sum(counts)
-    if rows <= (MAX_ROWS if as_much else WHOLE):
+    if rows <= (MAX_ROWS if as_much else MAX_WHOLE_ROWS):
         return ViewerLimit(rows, rows, 0, 1)
-    most = _share(counts, MAX_ROWS) if as_much else min(EACH, _share(counts, WHOLE))
+    most = _share(counts, MAX_ROWS) if as_much else min(ROWS_PER_QUANTITY, _share(counts, MAX_WHOLE_ROWS))
     return ViewerLimit(rows, sum(min(count, most) for count in counts), most, math.ceil(max(counts) / most))
 
 

@@ -14,8 +14,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.recordings.exporters.entities import WORLD, Attitude, Curve, DeviceEntity
-from imuscope.server.extensions.rerun.rrd.chunks import Floats, name_of
+from imuscope.server.extensions.rerun.rrd.chunks import name_of
 
 AXES = {"x": (208, 60, 40), "y": (20, 132, 92), "z": (40, 98, 214), "w": (120, 92, 168), "": (96, 112, 128)}
 OTHERS = ((40, 98, 214), (208, 60, 40), (20, 132, 92), (176, 112, 0), (120, 92, 168), (0, 130, 150))

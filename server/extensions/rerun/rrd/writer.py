@@ -324,9 +324,9 @@ class _Flags:
 def _texts(stream: rr.RecordingStream, work: Work, devices: list[DeviceEntity]) -> None:
     names = {device.id: device.name for device in devices}
     events = [event for event in work.columns.manifest["events"] if work.t0 <= event["time"] <= work.t1]
-    for id in dict.fromkeys(event["device"] for event in events):
-        own = [event for event in events if event["device"] == id]
-        path = (*EVENTS, names.get(id, str(id))) if id else (*EVENTS, "recording")
+    for device_id in dict.fromkeys(event["device"] for event in events):
+        own = [event for event in events if event["device"] == device_id]
+        path = (*EVENTS, names.get(device_id, str(device_id))) if device_id else (*EVENTS, "recording")
         _log(stream, path, own, [str(event["text"]) for event in own], [LEVELS[event["level"]] for event in own])
     markers = [marker for marker in work.columns.manifest["markers"] if work.t0 <= marker["time"] <= work.t1]
     texts = [str(marker["text"]) or f"{marker['kind']} {marker['id']}" for marker in markers]

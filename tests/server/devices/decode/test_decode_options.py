@@ -191,7 +191,7 @@ def test_a_configuration_holds_them(tmp_path: Path) -> None:
 
 def test_given_options_change_and_the_rest_stays() -> None:
     speed = Field("Speed", dtype="<i2")
-    row, other, newer = (Message(id, name, (speed,)) for id, name in ((0x80, "A"), (0x81, "B"), (0x80, "C")))
+    row, other, newer = (Message(number, name, (speed,)) for number, name in ((0x80, "A"), (0x81, "B"), (0x80, "C")))
     old = decode_options("idtp", key=b"k", min_mode="safety", schema={0x80: row})
     rekeyed = decode_options("idtp", key=b"new", min_mode="safety", schema={0x80: row})
     assert changed(old, decode_options(key=b"new"), {"key"}) == rekeyed

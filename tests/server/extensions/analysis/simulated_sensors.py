@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.analysis.expressions.signal_request import requested_signals
 from imuscope.server.extensions.analysis.noise.registry import analysis_named
 from imuscope.server.extensions.analysis.noise.report import figures_of
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal, SignalColumn
+from imuscope.server.extensions.analysis.signals.signals import Signal, SignalColumn
 from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo
 
 START = 1.76e9

@@ -12,11 +12,19 @@ from hypothesis import strategies as st
 from scipy import optimize
 
 from imuscope.protocols import rotations
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import GYRO_BIAS, HARD_IRON, MOTIONS, SOFT_IRON, SensorSetup
 from imuscope.server.extensions.analysis.signals.stillness import step_means, stillness
-from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Floats, Samples
-from imuscope.server.extensions.calibration.directions import CELLS, CENTRES, HALF, RINGS, cells_of, missing_axes
+from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples
+from imuscope.server.extensions.calibration.directions import (
+    CELLS,
+    CELLS_PER_RING,
+    CENTRES,
+    HALF,
+    cells_of,
+    missing_axes,
+)
 from imuscope.server.extensions.calibration.gyroscope import NEEDED_S, gyroscope_bias
 from imuscope.server.extensions.calibration.magnetometer import fit_ellipsoid, magnetometer_iron, provisional_centre
 from tests.support.each_row import each_row
@@ -41,7 +49,7 @@ def on_a_sphere(n: int, random: np.random.Generator) -> Floats:
 def test_cells_have_the_same_area_and_contain_their_centres() -> None:
     assert (cells_of(CENTRES) == np.arange(CELLS)).all()
     counts = np.bincount(cells_of(on_a_sphere(480_000, np.random.default_rng(1))), minlength=CELLS)
-    assert len(counts) == CELLS == 2 * HALF == 2 * sum(RINGS)
+    assert len(counts) == CELLS == 2 * HALF == 2 * sum(CELLS_PER_RING)
     assert counts.min() > 9_500
     assert counts.max() < 10_500
 

@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imuscope.protocols import rotations
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.simulator.setups import ACC_BIAS, ACC_SCALE, SensorSetup
-from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Floats, Samples, Triad
+from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples, Triad
 from imuscope.server.extensions.calibration.accelerometer import six_positions
 from imuscope.server.extensions.calibration.kinds import METHODS, CalibrationOptions, evaluated
 from imuscope.server.extensions.calibration.mounting import MAX_TURN, mounting_rotation

@@ -18,7 +18,7 @@ from imuscope.server.extensions.evidence.position import REDACTED, Scrubber
 from imuscope.server.extensions.evidence.request import EvidencePlot, EvidenceRequest, EvidenceSeries
 from imuscope.server.extensions.evidence.routes import evidence_work
 from imuscope.server.extensions.evidence.series import gaps_in, intervals_for, tick_of
-from imuscope.server.extensions.evidence.worker import MOST_BYTES
+from imuscope.server.extensions.evidence.worker import MAX_BYTES
 from imuscope.server.library.api_models import RecordingInfo
 from tests.recordings.store_fixtures import START
 from tests.server.extensions.evidence.evidence_harness import (
@@ -102,7 +102,7 @@ def test_an_hour_of_1_khz_stays_below_the_limit_and_keeps_its_extremes(tmp_path:
     store = drive(tmp_path / "store", n=3_600_000, rate=1000.0)
     text = made(store, tmp_path / "out.html")
     size = (tmp_path / "out.html").stat().st_size
-    assert 0.6 * MOST_BYTES < size <= MOST_BYTES
+    assert 0.6 * MAX_BYTES < size <= MAX_BYTES
     series = series_in(text, "Acceleration", "z")
     low, high = block_in(text, series["low"]), block_in(text, series["high"])
     values = np.concatenate(list(store.values(1, 2, 0, store.rows(1))))

@@ -6,8 +6,7 @@ from typing import Any
 
 from imuscope.server.extensions.fleet.model.device_settings import DeviceSettings
 from imuscope.server.extensions.fleet.model.reports import RobotDevice, RobotStatus
-from imuscope.server.extensions.fleet.model.status_summary import summary_of
-from imuscope.server.extensions.fleet.model.summaries import RobotSummary
+from imuscope.server.extensions.fleet.model.summaries import RobotSummary, summary_of
 
 PRODUCT = "MTi-630-8A1G6"
 

@@ -25,11 +25,11 @@ class FakeServer:
         self.topics.append(topic)
         return len(self.topics)
 
-    def is_wanted(self, id: int) -> bool:
-        return id > 0
+    def is_wanted(self, number: int) -> bool:
+        return number > 0
 
-    def send(self, id: int, time_ns: int, body: bytes) -> None:
-        self.sent.append((self.topics[id - 1], body))
+    def send(self, number: int, time_ns: int, body: bytes) -> None:
+        self.sent.append((self.topics[number - 1], body))
 
     def withdraw(self, ids: list[int]) -> None:
         raise AssertionError("nothing is to be withdrawn")

@@ -26,7 +26,14 @@ from websockets.exceptions import ConnectionClosed
 
 from imuscope.server import wire
 from imuscope.server.extensions.rerun.rrd.chunks import name_of
-from imuscope.server.extensions.rerun.service import AHEAD, KEPT_BYTES, MAX_LIVE, PAST_BYTES, RerunFeed, RerunViewer
+from imuscope.server.extensions.rerun.service import (
+    KEPT_BYTES,
+    MAX_LIVE,
+    MAX_UNACKNOWLEDGED,
+    PAST_BYTES,
+    RerunFeed,
+    RerunViewer,
+)
 from imuscope.server.integrations.viewer_process import ViewError
 from imuscope.server.streaming.channel_rows import ChannelRows
 from imuscope.server.streaming.telemetry import Telemetry
@@ -188,13 +195,13 @@ async def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
     viewer = RerunViewer()
     for n in range(10):
         viewer.offer(1.0, b"%d" % n)
-    for _ in range(AHEAD):
+    for _ in range(MAX_UNACKNOWLEDGED):
         await viewer.take()
     with pytest.raises(TimeoutError):
         async with asyncio.timeout(0.05):
             await viewer.take()
     viewer.acknowledge(1)
-    assert (await viewer.take())[1] == b"%d" % AHEAD
+    assert (await viewer.take())[1] == b"%d" % MAX_UNACKNOWLEDGED
     viewer.lost = "The stream has ended."
     viewer.wake_event.set()
     with pytest.raises(ViewError):
@@ -215,7 +222,7 @@ async def test_late_viewers_get_the_newest_data_first_and_memory_is_bounded() ->
     assert sum(len(data) for _, data in feed._backlog) <= KEPT_BYTES
     viewer = feed.join()
     feed._on_report(batch(99.0, b"now"))  # live data are sent before older data
-    taken = [await viewer.take() for _ in range(AHEAD)]
+    taken = [await viewer.take() for _ in range(MAX_UNACKNOWLEDGED)]
     assert [data[:5].rstrip(b"\0") for _, data in taken] == [b"still", b"now", b"39", b"38"]
     assert feed.lag_ms(taken[1][0]) == 1000
     rest = 0

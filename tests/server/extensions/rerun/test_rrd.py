@@ -24,7 +24,7 @@ from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.devices.decode import protocol_set
 from imuscope.server.extensions.rerun.rrd.chunks import name_of
-from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, WHOLE, limit_for
+from imuscope.server.extensions.rerun.rrd.size_limit import MAX_ROWS, MAX_WHOLE_ROWS, limit_for
 from imuscope.server.extensions.rerun.rrd.writer import Work, fill, stream_of, write_rrd
 from imuscope.server.library.decode import decode
 from tests.server.extensions.rerun.rrd_tables import column, entities, flat, numbers
@@ -44,12 +44,12 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
         "3": IdtpSimulator(start_ns=0),
     }
     writer = McapWriter(folder / "a.mcap", {"title": "Three on a drive"})
-    for id, protocol in zip(devices, ("xbus", "isb", "idtp"), strict=True):
-        writer.device(id, {"source": f"sim:{protocol}", "link": "simulator", "protocol": protocol})
+    for device_id, protocol in zip(devices, ("xbus", "isb", "idtp"), strict=True):
+        writer.device(device_id, {"source": f"sim:{protocol}", "link": "simulator", "protocol": protocol})
     for n in range(1, 600):
-        for id, device in devices.items():
+        for device_id, device in devices.items():
             if data := device.advance(n * 10_000_000):
-                writer.chunk(id, "rx", data, START + n * 10_000_000)
+                writer.chunk(device_id, "rx", data, START + n * 10_000_000)
     writer.write_note("marker", "bump", START + 2_000_000_000)
     writer.close()
     return decode(McapSource(folder / "a.mcap"), folder / "store", protocol_set.all_protocols())
@@ -323,12 +323,12 @@ def test_a_fault_of_one_sample_survives_thinning_and_is_reported(tmp_path: Path)
     ("counts", "as_much", "shown"),
     [
         ([], False, (0, 0, 1)),
-        ([WHOLE // 2, WHOLE // 2], False, (WHOLE, 0, 1)),
+        ([MAX_WHOLE_ROWS // 2, MAX_WHOLE_ROWS // 2], False, (MAX_WHOLE_ROWS, 0, 1)),
         ([3_600_000] * 7 + [100], False, (140_100, 20_000, 180)),
         ([3_600_000] * 7 + [100], True, (3_999_998, 571_414, 7)),
-        ([WHOLE + 1], True, (WHOLE + 1, 0, 1)),
+        ([MAX_WHOLE_ROWS + 1], True, (MAX_WHOLE_ROWS + 1, 0, 1)),
         ([MAX_ROWS + 1], True, (MAX_ROWS, MAX_ROWS, 2)),
-        ([WHOLE // 100] * 150, False, (WHOLE - 100, 6666, 2)),
+        ([MAX_WHOLE_ROWS // 100] * 150, False, (MAX_WHOLE_ROWS - 100, 6666, 2)),
     ],
 )
 def test_a_browser_gets_no_more_than_it_holds(counts: list[int], as_much: bool, shown: tuple[int, int, int]) -> None:

@@ -18,11 +18,11 @@ T0 = 1_795_000_000.0
 deserialize = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr
 
 
-def info(id: int, title: str, columns: dict[str, str], **more: Any) -> dict[str, Any]:
+def info(number: int, title: str, columns: dict[str, str], **more: Any) -> dict[str, Any]:
     """A channel with these columns and units."""
     units = set(columns.values())
     return {
-        "id": id,
+        "id": number,
         "device": "1",
         "message": "M",
         "name": title,

@@ -166,8 +166,8 @@ def test_a_bag_without_messages_is_an_error(tmp_path: Path) -> None:
         export("rosbag2-mcap", ExportRequest(columns, channels=(1,)), bag)
 
 
-@each_row("format", BAGS)
-def test_a_cancelled_bag_leaves_nothing(format: str, tmp_path: Path) -> None:
+@each_row("export_format", BAGS)
+def test_a_cancelled_bag_leaves_nothing(export_format: str, tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     (tmp_path / "out").mkdir()
 
@@ -175,5 +175,5 @@ def test_a_cancelled_bag_leaves_nothing(format: str, tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        export(format, ExportRequest(columns), tmp_path / "out" / "run.rosbag2", stop)
+        export(export_format, ExportRequest(columns), tmp_path / "out" / "run.rosbag2", stop)
     assert list((tmp_path / "out").iterdir()) == []

@@ -15,16 +15,16 @@ from tests.support.each_row import each_row
 N = 3
 TRANSFORM_TEXTS = {"transforms.0.header.frame_id": "map", "transforms.0.child_frame_id": "imu0"}
 TYPES = [
-    *((type, {"header.frame_id": "imu0"}, {}) for type in (IMU, FIELD, FIX, TWIST, PRESSURE, TEMPERATURE)),
+    *((type_name, {"header.frame_id": "imu0"}, {}) for type_name in (IMU, FIELD, FIX, TWIST, PRESSURE, TEMPERATURE)),
     (TIME, {"header.frame_id": "odd", "source": "gnss"}, {}),
     (TRANSFORM, TRANSFORM_TEXTS, {"transforms": 1}),
 ]
 
 
-def numbers(type: str, path: str = "", lengths: dict[str, int] | None = None) -> dict[str, tuple[str, int | None]]:
+def numbers(type_name: str, path: str = "", lengths: dict[str, int] | None = None) -> dict[str, tuple[str, int | None]]:
     """Every number of a message by its path, from the definition: its type, and its length if it is an array."""
     found: dict[str, tuple[str, int | None]] = {}
-    for name, inner, count in type_support.fields_of(type):
+    for name, inner, count in type_support.fields_of(type_name):
         place = f"{path}.{name}" if path else name
         if inner == "string":
             continue
@@ -44,26 +44,26 @@ def value_at(message: Any, path: str) -> Any:
     return message
 
 
-@each_row(("type", "texts", "lengths"), TYPES, ids=[type for type, _, _ in TYPES])
+@each_row(("type_name", "texts", "lengths"), TYPES, ids=[type_name for type_name, _, _ in TYPES])
 def test_every_number_and_text_is_where_rosbags_reads_it(
-    type: str, texts: dict[str, str], lengths: dict[str, int]
+    type_name: str, texts: dict[str, str], lengths: dict[str, int]
 ) -> None:
-    fields = numbers(type, lengths=lengths)
+    fields = numbers(type_name, lengths=lengths)
     assert len(fields) >= 3
     source = np.random.default_rng(14)
     values = {
         path: source.integers(0, 100, (N,) if count is None else (N, count)) / (2 if "float" in kind else 1)
         for path, (kind, count) in fields.items()
     }
-    messages = RowEncoder(type, texts, lengths).encode(N, values)
+    messages = RowEncoder(type_name, texts, lengths).encode(N, values)
     assert len(messages) == N
     for row, data in enumerate(messages):
-        message = deserialize(data, type)
+        message = deserialize(data, type_name)
         for path, column in values.items():
             assert np.array_equal(value_at(message, path), column[row]), path
         for path, text in texts.items():
             assert value_at(message, path) == text
-        assert type_support.serialize(message, type) == data
+        assert type_support.serialize(message, type_name) == data
 
 
 @each_row("name", ["", "a", "ab", "abc", "abcd", "abcdefg", "größe"])

@@ -33,8 +33,8 @@ class Driver:
         self.graph = RosGraph(self.session, domain, QosProfile(), lambda: None)
         self.node = self.graph.add_node("/robot", "driver")
 
-    def publisher(self, topic: str, type: str) -> TopicPublisher:
-        return self.graph.add_publisher(self.node, topic, type)
+    def publisher(self, topic: str, type_name: str) -> TopicPublisher:
+        return self.graph.add_publisher(self.node, topic, type_name)
 
     def close(self) -> None:
         self.graph.close()

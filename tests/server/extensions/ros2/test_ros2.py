@@ -79,10 +79,10 @@ def received(session: zenoh.Session, key: str = "7/**") -> Iterator[dict[str, li
     found: dict[str, list[tuple[Any, Attachment]]] = defaultdict(list)
 
     def on_sample(sample: zenoh.Sample) -> None:
-        _, topic, type, hash = parse_topic_key(str(sample.key_expr))
-        assert hash == type_support.type_hash(type)
+        _, topic, type_name, type_hash = parse_topic_key(str(sample.key_expr))
+        assert type_hash == type_support.type_hash(type_name)
         assert sample.attachment is not None
-        message = deserialize(bytes(sample.payload), type)
+        message = deserialize(bytes(sample.payload), type_name)
         found[topic].append((message, Attachment.decode(bytes(sample.attachment))))
 
     subscriber = session.declare_subscriber(key, on_sample)

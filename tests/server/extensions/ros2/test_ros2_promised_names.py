@@ -38,7 +38,10 @@ def test_the_topic_that_a_simulator_had_is_free_for_a_device(tmp_path: Path) -> 
     assert names_of(tmp_path, "sim:xbus", "sim:isb") == ["imu", "imu_2"]
     assert names_of(tmp_path, "/dev/a") == ["imu"]
     names = DeviceNames(tmp_path)
-    assert [names.topic_of(id, source) for id, source in (("1", "/dev/a"), ("2", "sim:xbus"))] == ["imu", "imu_3"]
+    assert [names.topic_of(device_id, source) for device_id, source in (("1", "/dev/a"), ("2", "sim:xbus"))] == [
+        "imu",
+        "imu_3",
+    ]
     assert names.moved == {}  # the device has taken it long ago
     assert names_of(tmp_path, "sim:isb") == ["imu_2"]
 

@@ -24,9 +24,9 @@ HASHES = {
 }
 
 
-@each_row("type", HASHES)
-def test_hashes_are_those_of_ros(type: str) -> None:
-    assert type_support.type_hash(type) == f"RIHS01_{HASHES[type]}"
+@each_row("type_name", HASHES)
+def test_hashes_are_those_of_ros(type_name: str) -> None:
+    assert type_support.type_hash(type_name) == f"RIHS01_{HASHES[type_name]}"
 
 
 def test_messages_survive() -> None:

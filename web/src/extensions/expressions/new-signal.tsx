@@ -1,18 +1,20 @@
 /** The form of a computed signal: its expression with a preview of the last seconds, its name, and what is wrong with it. */
-import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useComputed, useSignal, useSignalEffect, type Signal } from "@preact/signals";
+import { useEffect, useCallback, useRef } from "preact/hooks";
 import type { Deps } from "../../page/context";
 import { Button } from "../../ui/controls/button";
 import { Dialog } from "../../ui/controls/dialog";
-import { type HttpProblem, request } from "../../requests/http";
+import { request, type HttpProblem } from "../../requests/http";
 import { number } from "../../ui/format/format";
 import type { ComputedSignal, ExpressionWords, SignalFigures } from "../../wire/routes";
 import { TEXT as SIGNALS } from "../../texts/signals";
-import { expressionNames } from "./completion";
-import { ExpressionInput } from "./expression-input";
+import { expressionNames, completionsAt, mistakePlace } from "./completion";
 import { sparkPath } from "../../signals/tree-rows";
-import "./expressions.css";
 import { TEXT } from "./texts";
+import { CompletionList, completed } from "../../ui/completion/completion-list";
+import { MarkedMistake } from "../../ui/completion/mistake";
+import { useCompletion } from "../../ui/completion/use-completion";
+import "./expressions.css";
 
 /** Pause after typing, ms. */
 const TYPED_MS = 250;
@@ -195,4 +197,68 @@ function extremes(values: readonly (number | null)[]): { readonly lo: Float64Arr
     if (!((hi[k] ?? NaN) >= value)) hi[k] = value;
   });
   return { lo, hi };
+}
+
+interface InputProps {
+  readonly text: Signal<string>;
+  /** Names of signals, as an expression has them. */
+  readonly names: readonly string[];
+  readonly words: ExpressionWords | undefined;
+  /** What the server says about a mistake; "" without one. */
+  readonly mistake: string;
+  readonly onEnter: () => void;
+}
+
+/** A field for an expression: completion of signals, functions and units at the caret, and the place of a mistake. */
+function ExpressionInput({ text, names, words, mistake, onEnter }: InputProps) {
+  const input = useRef<HTMLInputElement>(null);
+  const find = useCallback((typed: string, caret: number) => completionsAt(typed, caret, names, words), [names, words]);
+  const offer = useCompletion(input, text, find);
+  useEffect(() => {
+    // also on a phone, where the dialog around it keeps the focus on its heading
+    const frame = requestAnimationFrame(() => input.current?.focus());
+    return () => cancelAnimationFrame(frame);
+  }, []);
+  const onKey = (event: KeyboardEvent): void => {
+    if (offer.onKey(event) || event.key !== "Enter") return;
+    event.preventDefault();
+    onEnter();
+  };
+  const place = mistake === "" ? undefined : mistakePlace(mistake, text.value);
+  return (
+    <div class="expression">
+      <span class="field">
+        <input
+          ref={input}
+          type="text"
+          role="combobox"
+          aria-label={TEXT.expression}
+          aria-expanded={offer.all.value.length > 0}
+          {...completed("expression-words", offer)}
+          aria-invalid={mistake !== ""}
+          aria-describedby="expression-mistake"
+          placeholder={TEXT.expressionHint}
+          value={text.value}
+          spellcheck={false}
+          autocomplete="off"
+          autocapitalize="off"
+          onInput={(event) => {
+            text.value = event.currentTarget.value;
+            offer.open();
+          }}
+          onKeyDown={onKey}
+          onBlur={offer.close}
+        />
+      </span>
+      {place && (
+        <div class="expression-place mid text-sm" aria-hidden="true">
+          <MarkedMistake text={text.value} {...place} />
+        </div>
+      )}
+      <CompletionList id="expression-words" offer={offer} />
+      <p id="expression-mistake" class="expression-mistake" role="status">
+        {mistake}
+      </p>
+    </div>
+  );
 }

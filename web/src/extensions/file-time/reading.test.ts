@@ -1,7 +1,7 @@
 /** Choices on a table: what the server gets, and the words of the dialog. */
 import { expect, test } from "vitest";
 import type { PreviewColumn, TablePreview } from "../../wire/routes";
-import { groupsOf } from "./first-rows";
+import { groupsOf } from "./reading-dialog";
 import {
   previewCell,
   choiceOf,

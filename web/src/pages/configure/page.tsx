@@ -1,5 +1,5 @@
 /** The Configure page: settings on the left, the form in the middle, what extensions show on the right. Loaded when it is first opened. */
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { BudgetLine } from "../../forms/budget-bar";
 import { Button } from "../../ui/controls/button";
 import type { App } from "../../page/context";
@@ -7,10 +7,9 @@ import { TopBar } from "../top-bar";
 import { route } from "../../page/route";
 import { Empty, LinkedBand, OfflineBand, ProblemBand, Starting } from "../empty-states";
 import { ApplyBar } from "./apply-bar";
-import { Ask } from "./confirm-dialog";
 import { Command } from "./command-form";
 import { Compare } from "./compare";
-import { type Model, modelOf } from "./model";
+import { modelOf, type Model } from "./model";
 import { ConfigureRail } from "./sidebar";
 import { Discard, Setting } from "./setting-form";
 import { KeepButton } from "./snapshot";
@@ -31,19 +30,22 @@ import {
   configureOf,
   extensionPlace,
   linkTo,
-  type FormPlace,
   formPlaceOf,
   readAll,
   visibleSettings,
   CAUTIONS,
+  type FormPlace,
+  type Question,
 } from "./view-state";
 import { deviceInLink } from "../../wire/device-name";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
-import "./styles";
 import { Slot } from "../../extension/extension";
 import { StopJob } from "./jobs";
 import type { CommandForm } from "../../wire/form-types";
+import { Dialog } from "../../ui/controls/dialog";
+import { Message } from "../../ui/controls/message";
+import "./styles";
 
 export function ConfigurePage({ app }: { readonly app: App }) {
   const device = app.device.value;
@@ -389,5 +391,34 @@ function Row({ model, form, kind }: RowProps) {
         {form.doc !== "" && <span class="field-help dim text-xs">{form.doc}</span>}
       </a>
     </li>
+  );
+}
+
+/** Confirmation before harm: a dialog that names what is lost or cut; the safe button has the focus. */
+export function Ask({ asked, close }: { readonly asked: Question; readonly close: () => void }) {
+  const safe = useRef<HTMLButtonElement>(null);
+  useEffect(() => safe.current?.focus(), []);
+  const act = (): void => {
+    close();
+    asked.act();
+  };
+  return (
+    <Dialog title={asked.title} onClose={close}>
+      {asked.about !== "" && <p class="question-about">{asked.about}</p>}
+      {asked.caution !== "" && (
+        <p class="question-subject">
+          <span class="tag warn">▲ {CAUTIONS[asked.caution]}</span>
+        </p>
+      )}
+      {asked.words.map((words) => (
+        <p key={words} class="question-words">
+          <Message text={words} />
+        </p>
+      ))}
+      <div class="question-actions flex-wrap">
+        <Button look="main" words={TEXT.leaveUnchanged} ref={safe} onClick={close} />
+        <Button look="edge" words={asked.go} onClick={act} />
+      </div>
+    </Dialog>
   );
 }

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.simulator.trajectory import vehicle_motion
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.compare import alignment
@@ -20,7 +20,6 @@ from imuscope.server.extensions.analysis.signals.signals import Signal
 from tests.support.deep_run import IS_DEEP
 from tests.support.each_row import each_row
 
-Floats = NDArray[np.float64]
 START = 1_760_000_000.0
 RUNS = 20 if IS_DEEP else 15
 

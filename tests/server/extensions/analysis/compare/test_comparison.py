@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import quaternion_columns, slerp
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.compare.comparison import (
@@ -30,7 +30,6 @@ from tests.support.server_process import ServerProcess
 from tests.support.timeouts import http_client
 from tests.support.waiting import block_until
 
-Floats = NDArray[np.float64]
 URL = "/api/comparison"
 START = 1_760_000_000.0
 STEP = 1 / 128  # exact in binary: the oracle adds it up

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal as scipy_signal
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.expression_functions import FUNCTIONS, Context
@@ -21,7 +22,7 @@ from imuscope.server.extensions.analysis.expressions.expressions import evaluate
 from imuscope.server.extensions.analysis.expressions.live_expression import LiveExpression
 from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, requested_signals
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
-from imuscope.server.extensions.analysis.signals.signals import Floats, SignalColumn
+from imuscope.server.extensions.analysis.signals.signals import SignalColumn
 from imuscope.server.extensions.analysis.signals.units import SYMBOLS, Unit
 from tests.support.each_row import each_row
 

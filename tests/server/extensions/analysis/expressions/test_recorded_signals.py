@@ -91,18 +91,18 @@ def test_a_definition_that_does_not_fit_is_told_and_the_rest_is_opened(tmp_path:
     assert any("Signal Sped not found." in text for text in words)
 
 
-@each_row("format", ["csv", "parquet", "mcap"])
-def test_computed_signals_are_exported_as_data(tmp_path: Path, format: str) -> None:
+@each_row("export_format", ["csv", "parquet", "mcap"])
+def test_computed_signals_are_exported_as_data(tmp_path: Path, export_format: str) -> None:
     store = opened(tmp_path, TOTAL)
-    made = export(format, ExportRequest(store), tmp_path / f"run.{format}")
+    made = export(export_format, ExportRequest(store), tmp_path / f"run.{export_format}")
     wanted = rows(store, "Total").columns[0]
-    if format == "mcap":
+    if export_format == "mcap":
         with made[0].open("rb") as file:
             topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
         assert sum("expression" in topic for topic in topics) == len(wanted)
         return
     [file] = [one for one in made if "expression" in one.name]
-    if format == "csv":
+    if export_format == "csv":
         lines = file.read_text(encoding="utf-8").splitlines()
         heading = next(line for line in lines if "Total" in line and not line.startswith("#"))
         assert "m/s²" in heading

@@ -13,12 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.allan_deviation import allan_curve, averaging_lengths
 from imuscope.server.extensions.analysis.noise.noise_model import fit_noise
 from imuscope.server.extensions.analysis.noise.registry import analysis_named
 from imuscope.server.extensions.analysis.noise.report import figures_of
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal, SignalColumn, temperature_of
+from imuscope.server.extensions.analysis.signals.signals import Signal, SignalColumn, temperature_of
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.support.each_row import each_row
 from tests.support.source_files import ROOT

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
+from imuscope.protocols.arrays import Floats
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.registry import analysis_named
 from imuscope.server.extensions.analysis.noise.report import figures_of
-from imuscope.server.extensions.analysis.signals.signals import Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import Signal
 from tests.support.each_row import each_row
 
 START = 1_760_000_000.0

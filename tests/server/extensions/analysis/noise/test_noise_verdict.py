@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 import yaml
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.data_sheet import TOLERANCE, data_sheet_of
 from imuscope.server.extensions.analysis.noise.registry import FiguresOfSignal, analysis_named
 from imuscope.server.extensions.analysis.noise.report import figures_of
-from imuscope.server.extensions.analysis.signals.signals import DataSheetNoise, Floats, Signal
+from imuscope.server.extensions.analysis.signals.signals import DataSheetNoise, Signal
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 
 RATE = 100.0

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.protocols.rotations import ENU_FROM, conjugate, euler_columns, product
 from imuscope.protocols.simulator.trajectory import MotionState, vehicle_motion
@@ -17,7 +18,6 @@ from imuscope.server.extensions.analysis.compare.two_sides import (
     compared,
 )
 from imuscope.server.extensions.analysis.expressions.signal_request import requested_signals, unknown_product
-from imuscope.server.extensions.analysis.signals.signals import Floats
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 from tests.support.each_row import each_row
 

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from imuscope.server.extensions.fleet.model.reports import RobotDevice, RobotStatus
 from imuscope.server.extensions.fleet.model.robots import Robots, TooManyRobotsError
-from imuscope.server.extensions.fleet.model.status_summary import summary_of
-from imuscope.server.extensions.fleet.model.summaries import FleetRobots, RobotSummary
+from imuscope.server.extensions.fleet.model.summaries import FleetRobots, RobotSummary, summary_of
 from imuscope.server.settings.config import Config
 from tests.support.each_row import each_row
 from tests.support.fakes import FakeLink

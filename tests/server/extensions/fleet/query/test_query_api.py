@@ -198,8 +198,8 @@ def test_a_store_that_is_not_there(tmp_path: Path) -> None:
 class _Gone:
     """A client that sends a question and leaves without reading the answer."""
 
-    def __init__(self, server: InProcessServer, sql: str, id: str) -> None:
-        body = json.dumps({"sql": sql, "id": id}).encode()
+    def __init__(self, server: InProcessServer, sql: str, query: str) -> None:
+        body = json.dumps({"sql": sql, "id": query}).encode()
         host, port = server.url.removeprefix("http://").split(":")
         self._socket = socket.create_connection((host, int(port)))
         head = f"POST /api/query HTTP/1.1\r\nHost: {host}:{port}\r\nContent-Type: application/json\r\n"

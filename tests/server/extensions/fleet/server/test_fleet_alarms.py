@@ -12,8 +12,7 @@ import pytest
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.model.fleet_settings import FleetServerSettings
 from imuscope.server.extensions.fleet.model.reports import RobotDevice, RobotStatus
-from imuscope.server.extensions.fleet.model.status_summary import summary_of
-from imuscope.server.extensions.fleet.model.summaries import RobotSummary
+from imuscope.server.extensions.fleet.model.summaries import RobotSummary, summary_of
 from imuscope.server.extensions.fleet.server.fleet_alarms import FILE, FleetAlarms
 from imuscope.server.extensions.fleet.server.fleet_command import create_fleet_server
 from imuscope.server.settings.config import Config

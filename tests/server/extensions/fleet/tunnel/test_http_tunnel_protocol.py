@@ -18,9 +18,9 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.fleet.model.access import RouterSettings
 from imuscope.server.extensions.fleet.model.bus import BusCredentials, client_settings, open_bus
 from imuscope.server.extensions.fleet.model.reports import RobotStatus
-from imuscope.server.extensions.fleet.model.status_summary import summary_of
+from imuscope.server.extensions.fleet.model.summaries import summary_of
 from imuscope.server.extensions.fleet.tunnel import http_tunnel_robot, http_tunnel_server
-from imuscope.server.extensions.fleet.tunnel.flow_control import LARGEST, SMALLEST, Window
+from imuscope.server.extensions.fleet.tunnel.flow_control import MAX_WINDOW_BYTES, MIN_WINDOW_BYTES, Window
 from imuscope.server.extensions.fleet.tunnel.http_tunnel_protocol import (
     MAX_PART,
     CancelStream,
@@ -167,9 +167,9 @@ async def test_cookies_and_redirections_of_a_robot_stay_there() -> None:
 async def test_a_viewer_that_takes_nothing_stops_the_robot_and_costs_no_memory() -> None:
     async with line() as there:
         stream = there.ask("/api/endless")
-        await until(lambda: there.app.sent > SMALLEST, "it begins")
+        await until(lambda: there.app.sent > MIN_WINDOW_BYTES, "it begins")
         await body(there.ask("/api/long"))  # others go on meanwhile
-        assert there.app.sent <= LARGEST
+        assert there.app.sent <= MAX_WINDOW_BYTES
         stream.close()
         await until(lambda: there.app.ended == ["/long", "/endless"], "it ends with its viewer")
 
@@ -272,7 +272,7 @@ async def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -
     async with line() as there:
         stream = there.ask("/api/wait")
         there.fleet.take("a", encode(ResponseHead(stream.number, 0)))
-        for number in range(1, 3 * LARGEST // MAX_PART):
+        for number in range(1, 3 * MAX_WINDOW_BYTES // MAX_PART):
             there.fleet.take("a", encode(ResponsePart(stream.number, number, bytes(MAX_PART))))
         with pytest.raises(DomainError, match="more than was requested"):
             await stream.next()
@@ -317,15 +317,15 @@ async def test_a_window_shrinks_on_a_slow_line_and_grows_on_a_fast_one() -> None
         sent += window.piece
         window.sent(window.piece, now=10.0 * step)
         assert window.acknowledge(sent, now=10.0 * step + 5)
-    assert window.size == SMALLEST
+    assert window.size == MIN_WINDOW_BYTES
     for step in range(100):
         sent += window.piece
         window.sent(window.piece, now=1000.0 + step)
         assert window.acknowledge(sent, now=1000.01 + step)
-    assert window.size == LARGEST
+    assert window.size == MAX_WINDOW_BYTES
     assert not window.acknowledge(sent + 1, 2000.0)
     assert not window.acknowledge(sent - 1, 2000.0)
-    window.sent(LARGEST, 2000.0)
+    window.sent(MAX_WINDOW_BYTES, 2000.0)
     waiting = asyncio.create_task(window.wait(1))
     await asyncio.sleep(0)
     assert not waiting.done()

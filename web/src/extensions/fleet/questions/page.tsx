@@ -1,26 +1,29 @@
 /** The Questions page: SQL about the recordings of a store, and its answer as a table or a picture. Loaded on first use. */
-import { useEffect } from "preact/hooks";
+import { useEffect, useCallback, useRef } from "preact/hooks";
 import type { App } from "../../../page/context";
 import { OfflineBand, ProblemBand } from "../../../pages/empty-states";
 import { go, route } from "../../../page/route";
 import { TopBar } from "../../../pages/top-bar";
 import { placeHref } from "../../../page/permalink";
 import { Button } from "../../../ui/controls/button";
-import { type ChoiceOption, OptionList, Segmented } from "../../../ui/controls/choices";
+import { OptionList, Segmented, type ChoiceOption } from "../../../ui/controls/choices";
 import { copyText } from "../../../ui/dom/copy";
 import { Help } from "../../../pages/help";
 import { Icon } from "../../../ui/controls/icons";
 import { Message } from "../../../ui/controls/message";
 import { request } from "../../../requests/http";
 import type { QueryAnswer } from "../../../wire/routes";
-import { answerCsv, type Opening, sorted } from "./answer";
+import { answerCsv, sorted, type Opening } from "./answer";
 import { AnswerHistogram, AnswerPlot } from "./chart";
-import { QuestionEditor } from "./editor";
-import { type FileFormat, questionLink, type Questions, questionsOf, type QuestionView } from "./state";
+import { questionLink, questionsOf, type FileFormat, type Questions, type QuestionView } from "./state";
 import { AnswerTable } from "./table";
 import { COMMON } from "../../../texts/common";
 import { TEXT as PAGES } from "../texts";
 import { TEXT } from "./texts";
+import { CompletionList, completed } from "../../../ui/completion/completion-list";
+import { MarkedMistake } from "../../../ui/completion/mistake";
+import { useCompletion } from "../../../ui/completion/use-completion";
+import { completionsOfSql, placeOfMistake } from "./completion";
 import "./questions.css";
 
 const [AROUND_S, MINUTE_S] = [10, 60];
@@ -274,4 +277,83 @@ async function openRecording(app: App, state: Questions, { recording, at, isMinu
   }
   const range = isMinute ? { t0: at, t1: at + MINUTE_S } : { t0: at - AROUND_S, t1: at + AROUND_S, cursor: at };
   location.hash = placeHref(id, { ...range, hide: [], show: [], panels: [] });
+}
+
+const [LEAST_LINES, MOST_LINES] = [4, 14];
+
+/** The editor of a question: completion at the caret, Ctrl+Enter, and the place of a mistake. */
+function QuestionEditor({ state }: { readonly state: Questions }) {
+  const { sql, words, problem } = state;
+  const area = useRef<HTMLTextAreaElement>(null);
+  const isTyping = useRef(false);
+  const find = useCallback((typed: string, caret: number) => completionsOfSql(typed, caret, words.peek()), [words]);
+  const offer = useCompletion(area, sql, find);
+  useEffect(() => {
+    if (words.value && isTyping.current) offer.open(); // they came after a letter was typed
+  }, [words.value, offer]);
+  const end = (): void => {
+    isTyping.current = false;
+    offer.close();
+  };
+  const onKey = (event: KeyboardEvent): void => {
+    const { key } = event;
+    if (offer.onKey(event)) return;
+    if (key === "Enter" && (event.ctrlKey || event.metaKey)) {
+      event.preventDefault();
+      end();
+      void state.run();
+    } else if (key === "Escape") {
+      event.stopPropagation();
+      state.cancel();
+    } else if (key === " " && event.ctrlKey) {
+      event.preventDefault();
+      offer.open();
+    }
+  };
+  const lines = Math.min(MOST_LINES, Math.max(LEAST_LINES, sql.value.split("\n").length));
+  const place = problem.value?.kind === "bad-query" ? placeOfMistake(problem.value.message, sql.value) : undefined;
+  return (
+    <div class="question-editor">
+      <textarea
+        ref={area}
+        id="question"
+        rows={lines}
+        aria-label={TEXT.editor}
+        {...completed("question-words", offer)}
+        aria-invalid={place !== undefined}
+        aria-describedby="question-problem"
+        placeholder={TEXT.rowsFromStart}
+        spellcheck={false}
+        autocomplete="off"
+        autocapitalize="off"
+        wrap="soft"
+        value={sql.value}
+        onInput={(event) => {
+          sql.value = event.currentTarget.value;
+          isTyping.current = true;
+          offer.open();
+        }}
+        onKeyDown={onKey}
+        onBlur={end}
+      />
+      <CompletionList id="question-words" offer={offer} />
+      {place !== undefined && <MistakeLine text={sql.value} at={place} />}
+    </div>
+  );
+}
+
+/** The line of a mistake, marked from its place to the end of the word there. */
+function MistakeLine({ text, at }: { readonly text: string; readonly at: number }) {
+  const begin = text.lastIndexOf("\n", at - 1) + 1;
+  const end = text.indexOf("\n", at);
+  const word = /^(\w+|"[^"]*"|.)/.exec(text.slice(at))?.[0] ?? "";
+  return (
+    <div class="question-mistake" aria-hidden="true">
+      <MarkedMistake
+        text={text.slice(begin, end < 0 ? undefined : end)}
+        begin={at - begin}
+        end={at - begin + word.length}
+      />
+    </div>
+  );
 }
