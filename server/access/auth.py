@@ -255,7 +255,7 @@ def _check_body(headers: Mapping[str, str], *, is_file: bool) -> None:
     if in_pieces:
         raise RefusedError("no-length", "A body needs a length.", "Send it with Content-Length.")
     if not is_file and (not length.isascii() or not length.isdigit() or int(length) > MAX_BODY):
-        raise RefusedError("too-large", f"The body may have at most {MAX_BODY} bytes.")
+        raise RefusedError("too-large", f"A body may have at most {MAX_BODY} bytes.", "Send it in smaller parts.")
 
 
 def content_type(headers: Mapping[str, str]) -> str:
