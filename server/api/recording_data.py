@@ -63,7 +63,6 @@ TABLE: dict[int | str, dict[str, Any]] = {
     **responses(404, 422),
 }
 
-Recording = Annotated[str, "id of a recording"]
 Time = Annotated[float | None, Query(description="unix seconds")]
 Width = Annotated[int, Query(ge=0, le=MAX_WIDTH, description="buckets wanted; 0 for every row")]
 Format = Annotated[Literal["arrow", "json"], Query(alias="format")]

@@ -29,7 +29,6 @@ _NAMES: dict[str, tuple[re.Pattern[str], str]] = {
 _NOT = re.compile(
     r"free.?accel|linear.?accel|gravity|increment|uncal|raw|std|deviation|bias|high.?rate|reference", re.I
 )
-SENSORS = tuple(_NAMES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +76,7 @@ NO_SAMPLES = Samples(np.empty(0), np.empty((0, 3)))
 
 
 def sensors_in(infos: Iterable[ChannelInfo]) -> dict[str, Triad]:
-    """The sensors of one device, by the words of `SENSORS`; of several of a kind the plainest channel."""
+    """The sensors of one device, by the words of `_NAMES`; of several of a kind the plainest channel."""
     by_sensor: dict[str, list[Triad]] = {}
     for info in infos:
         for triad, words in _triads(info):
