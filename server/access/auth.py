@@ -248,7 +248,7 @@ class Access:
 
 
 def _check_body(headers: Mapping[str, str], *, is_file: bool) -> None:
-    """Refuse a body without a length, and one that is no file and not JSON, or has more than `MAX_BODY` bytes."""
+    """Refuse a body without a length; except for a file, also one that is not JSON or is larger than `MAX_BODY`."""
     length, in_pieces = headers.get("content-length", "0"), "transfer-encoding" in headers
     if (length != "0" or in_pieces) and not is_file and content_type(headers) != "application/json":
         raise RefusedError("not-json", "A body must be JSON.", "Send it with Content-Type: application/json.")
