@@ -7,8 +7,6 @@ A channel is recognised by its title and unit, as for the data sheets (data_shee
 several sensors have columns imu.pqr.x …; their triads are recognised by the unit alone.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -67,7 +65,7 @@ class Samples:
         step = float(np.median(np.diff(self.time)))
         return 1 / step if step > 0 else 0.0
 
-    def at(self, chosen: slice | NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
+    def at(self, chosen: slice | NDArray[np.int64] | NDArray[np.bool_]) -> "Samples":
         """Some of them."""
         return Samples(self.time[chosen], self.values[chosen])
 
