@@ -62,9 +62,7 @@ class ChunkBoundaries:
             (n,) unix ns.
         """
         first, last = 0, len(self._ends)
-        if last > SEARCHED_CHUNKS and len(
-            offset
-        ):  # a frame is timed by the first chunk that ends after its start: no others count
+        if last > SEARCHED_CHUNKS and len(offset):  # a frame is timed by the first chunk that ends after its start
             first = bisect_right(self._ends, int(offset.min()))
             last = bisect_right(self._ends, int(offset.max()), first) + 1
         ends, arrivals = np.array(self._ends[first:last], np.int64), np.array(self._arrivals[first:last], np.int64)

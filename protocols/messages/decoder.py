@@ -38,7 +38,7 @@ from imuscope.protocols.messages.own_schema import columns_of, own_quantity
 from imuscope.protocols.messages.quantities import MessageQuantity, absent_quantities, quantities_of, unknown_rows
 from imuscope.protocols.messages.records import (
     HEAD,
-    MAX_RECORD_BYTES,
+    MAX_RECORD,
     MESSAGE,
     MESSAGE_FIXED,
     PLAUSIBLE,
@@ -285,7 +285,7 @@ class MessageDecoder:
         array = np.frombuffer(data, np.uint8)
         at, end = 0, len(data)
         while end - at >= HEAD.size:
-            n, behind = scan_messages(array, at, MAX_RECORD_BYTES, self._table)
+            n, behind = scan_messages(array, at, MAX_RECORD, self._table)
             if n:
                 self._sort(self._table[:, :n], start, rejects, received)
                 at = behind
@@ -294,7 +294,7 @@ class MessageDecoder:
             whole = at + HEAD.size + length
             if (
                 not SCHEMA <= opcode <= MESSAGE
-                or length >= MAX_RECORD_BYTES
+                or length >= MAX_RECORD
                 or (opcode == MESSAGE and length < MESSAGE_FIXED)
             ):
                 match = PLAUSIBLE.search(data, at + 1)

@@ -22,14 +22,7 @@ import numpy as np
 import pyarrow as pa
 
 from imuscope.recordings.exporters.csv_tables import heading, lines
-from imuscope.recordings.exporters.message_table import (
-    WINDOW_ROWS,
-    cells,
-    clocks_of,
-    frame_label,
-    known,
-    of_their_moment,
-)
+from imuscope.recordings.exporters.message_table import WINDOW, cells, clocks_of, frame_label, known, of_their_moment
 from imuscope.recordings.exporters.message_table import heading as named
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep, usual_interval, with_unit
 
@@ -70,8 +63,8 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
         names += [name for held in others for name in held.names]
         heads = [with_unit(name, *one) for name, one in zip(names, units, strict=True)]
         heading(file, ["time (s)", "arrival (s)", *heads])
-        for lo in range(first, last, WINDOW_ROWS):
-            hi = min(lo + WINDOW_ROWS, last)
+        for lo in range(first, last, WINDOW):
+            hi = min(lo + WINDOW, last)
             lines(file, _batch(request, leader, clocks, others, lo, hi))
             step((hi - first) / (last - first))
     return [out]

@@ -29,7 +29,7 @@ from imuscope.recordings.exporters.topics import frame_of
 
 JoinedRows = tuple[int, int]
 
-WINDOW_ROWS = 1 << 16  # rows
+WINDOW = 1 << 16  # rows
 SEGMENT = "segment"
 
 
@@ -247,7 +247,7 @@ def frame_label(frame: str) -> str:
 
 
 def windows(
-    columns: ColumnStore, ranges: Mapping[int, JoinedRows], rows: int = WINDOW_ROWS
+    columns: ColumnStore, ranges: Mapping[int, JoinedRows], rows: int = WINDOW
 ) -> Iterator[dict[int, JoinedRows]]:
     """Cut channels at common times: every window has about `rows` rows of the busiest channel and the rows of the
     others between the same two times. Rows of one time are never split.

@@ -9,7 +9,7 @@ from imuscope.protocols.events import RejectedFrame
 from imuscope.protocols.registry.families import PROTOCOLS, permissive_decoder
 
 MIN_FRAMES = 5  # frames
-MIN_MATCHING_SHARE = 0.8  # of the frames or lines are such
+MIN_SHARE = 0.8  # of the frames or lines are such
 UBX, UBX_SIZE = b"\xb5\x62", 8  # mark of a frame, and its bytes beside the payload
 _SENTENCE = re.compile(rb"^[$!][A-Z][A-Z0-9]{2,9},[^*\r\n]*(\*[0-9A-Fa-f]{2})?\s*$")
 
@@ -17,16 +17,14 @@ _SENTENCE = re.compile(rb"^[$!][A-Z][A-Z0-9]{2,9},[^*\r\n]*(\*[0-9A-Fa-f]{2})?\s
 def has_unchecked_sentences(data: bytes) -> bool:
     """Whether the lines of a file are sentences of a GNSS receiver without a checksum."""
     sums = list(_sums(data))
-    return len(sums) >= MIN_FRAMES and sums.count(b"") >= MIN_MATCHING_SHARE * len(sums)
+    return len(sums) >= MIN_FRAMES and sums.count(b"") >= MIN_SHARE * len(sums)
 
 
 def damaged_sentences(data: bytes) -> str:
     """Words on sentences of a GNSS receiver, in a file where none has a right checksum; "" if there are none."""
     sums = list(_sums(data))
     return (
-        f"{len(sums)} sentences of NMEA"
-        if len(sums) >= MIN_FRAMES and sums.count(b"") < MIN_MATCHING_SHARE * len(sums)
-        else ""
+        f"{len(sums)} sentences of NMEA" if len(sums) >= MIN_FRAMES and sums.count(b"") < MIN_SHARE * len(sums) else ""
     )
 
 
@@ -43,9 +41,7 @@ def damaged_frames(data: bytes) -> str:
         rejects = [one for one in events if isinstance(one, RejectedFrame) and one.reason == "bad_checksum"]
         ends = {one.offset + one.size for one in rejects}  # others have the mark of a frame by chance
         following = sum(1 for one in rejects if one.offset in ends)
-        if len(rejects) >= max(MIN_FRAMES, MIN_MATCHING_SHARE * len(events)) and following >= MIN_MATCHING_SHARE * (
-            len(rejects) - 1
-        ):
+        if len(rejects) >= max(MIN_FRAMES, MIN_SHARE * len(events)) and following >= MIN_SHARE * (len(rejects) - 1):
             return f"{len(rejects)} frames of {row.page.short or name}"
     return ""
 
@@ -64,7 +60,7 @@ def _sums(data: bytes) -> Iterator[bytes]:
     lines = [line for line in data.splitlines()[:-1] if line.strip()]
     matches = [match for line in lines if (match := _SENTENCE.match(line)) is not None]
     kinds = {match[0].partition(b",")[0][-3:].decode() for match in matches}
-    if lines and len(matches) >= MIN_MATCHING_SHARE * len(lines) and kinds & TIME_AT.keys():
+    if lines and len(matches) >= MIN_SHARE * len(lines) and kinds & TIME_AT.keys():
         yield from (match[1] or b"" for match in matches)
 
 

@@ -44,7 +44,7 @@ from imuscope.recordings.system.regular_file import open_regular
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
-FIRST_PRIVATE_OPCODE = 0x80  # and above: record types reserved for applications
+PRIVATE = 0x80  # and above: record types reserved for applications
 ENDINGS = (DATA_END, FOOTER)  # with a fixed length; any other is damage
 CHANNEL_ID, TIME, DATA, LENGTH = range(4)  # rows of a block's table
 LARGEST_CHUNK = 64 << 20  # bytes; a larger one is damage. Writers make chunks of 1 to 4 MB
@@ -225,12 +225,7 @@ class McapReader:
             if (opcode, length) in ((DATA_END, 4), (FOOTER, 20)) and done is None:
                 return
             whole = at + _RECORD_HEAD + length
-            if (
-                opcode <= 0
-                or DATA_END < opcode < FIRST_PRIVATE_OPCODE
-                or whole > end
-                or (done is None and opcode in ENDINGS)
-            ):
+            if opcode <= 0 or DATA_END < opcode < PRIVATE or whole > end or (done is None and opcode in ENDINGS):
                 if done is not None:
                     self.damage.append(_cut(done))
                     return

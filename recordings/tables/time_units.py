@@ -38,9 +38,9 @@ OLDEST_UNIX_S = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock 
 RECENT_S = 6 * 365 * 86400.0  # s before the file was written: most logs are opened sooner
 # Rates, Hz. Where sensors set no limit, they are those with which no table is read in a wrong unit of all that
 # tests/recordings/tables/test_time_units.py makes; steps there are up to a fifth longer or shorter than usual.
-MAX_RATE_HZ = 34_000.0  # 32 kHz, the fastest output of an ICM-42688-P, by an oscillator that is 6 % fast
+MAX_HZ = 34_000.0  # 32 kHz, the fastest output of an ICM-42688-P, by an oscillator that is 6 % fast
 FASTEST_FRACTION = 5_000.0  # 4 kHz, steps a fifth shorter: faster loggers write whole numbers
-MIN_RATE_HZ = 1e-5  # one sample a day, of anything
+MIN_HZ = 1e-5  # one sample a day, of anything
 SLOWEST_INERTIAL = 0.41  # 0.5 Hz, steps a fifth longer; 0.4 Hz would be 400 Hz in the next unit
 SLOWEST_DATED = 0.05  # of an inertial sensor, with dates or decimals: a logger that sleeps 20 s between samples
 # A date in one unit is a device that has run for 11 to 21 days in the next one, at a thousand times the rate.
@@ -136,14 +136,14 @@ def possible_units(
     each = len(times) / max(len(np.unique(times)), 1)  # rows of one time: several samples, by a clock that is coarse
     usual, last = float(np.median(times)), float(np.abs(times).max())  # not the first: the clock may be set later
     fraction |= bool((times != np.round(times)).any())
-    fastest = FASTEST_FRACTION if fraction else MAX_RATE_HZ
+    fastest = FASTEST_FRACTION if fraction else MAX_HZ
     matches = []
     for unit, factor in UNITS.items():
         its_rate = 1 / (step * factor) if step * factor else 0.0
         dated = is_dated(usual * factor, newest)
-        slowest = MIN_RATE_HZ if not inertial else SLOWEST_DATED if dated or fraction else SLOWEST_INERTIAL
+        slowest = MIN_HZ if not inertial else SLOWEST_DATED if dated or fraction else SLOWEST_INERTIAL
         longest = LONG_RUN if its_rate * each > FASTEST_LONG else LONGEST_RUN
-        is_rate = not step or (its_rate <= fastest and slowest <= its_rate * each <= MAX_RATE_HZ)
+        is_rate = not step or (its_rate <= fastest and slowest <= its_rate * each <= MAX_HZ)
         is_known = not rate or not step or abs(its_rate - rate) <= RATE_TOLERANCE * rate
         if is_rate and is_known and (dated or last * factor <= longest):
             matches.append(UnitReading(unit, its_rate, dated))

@@ -58,7 +58,7 @@ SKY = (  # system, satellite, elevation °, azimuth °, carrier to noise ratio i
     *((4, 19, 44, 14, 38), (4, 27, 7, 201, 22), (6, 1, 52, 96, 43), (6, 7, 33, 349, 39), (6, 14, 6, 61, 24)),
     (2, 123, 36, 171, 36),
 )
-STRONG_DBHZ = 30  # dBHz; stronger satellites are used
+MIN_DBHZ = 30  # dBHz; stronger satellites are used
 
 # Bits of the status words, as named in datasets.txt.
 _COARSE, _FINE = 0b111, 0b111 << 4
@@ -241,7 +241,7 @@ class SignalSamples:
     @cached_property
     def gps_status(self) -> Array:
         """Satellites used, fix, fix is good, PPS."""
-        used = np.where(self.fixed, sum(cno > STRONG_DBHZ for *_, cno in SKY), 0)
+        used = np.where(self.fixed, sum(cno > MIN_DBHZ for *_, cno in SKY), 0)
         return np.asarray(used | np.where(self.fixed, 3 << 8 | 1 << 16 | 1 << 28, 0))
 
 
@@ -333,7 +333,7 @@ def _position(at: SignalSamples, out: Array) -> None:
     better = np.exp(-np.maximum(at.times - FIRST_FIX_NS, 0) / (6 * S))
     out["hAcc"], out["vAcc"] = np.where(fixed, 0.9 + 4 * better, 1e3), np.where(fixed, 1.4 + 6 * better, 1e3)
     out["pDop"] = np.where(fixed, 1.5 + better, 99.99)
-    out["cnoMean"] = np.mean([cno for *_, cno in SKY if cno > STRONG_DBHZ])
+    out["cnoMean"] = np.mean([cno for *_, cno in SKY if cno > MIN_DBHZ])
     out["cnoMeanSigma"] = 41
     out["towOffset"] = np.where(fixed, (at.gps[1] - at.up) / 1e9, 0.0)
     out["leapS"] = LEAP_S
@@ -359,10 +359,8 @@ def _satellites(at: SignalSamples, out: Array) -> None:
         one = out["sat"][:, i]
         one["gnssId"], one["svId"], one["elev"], one["azim"] = system, number, elevation, azimuth
         one["cno"] = cno + np.rint(2 * np.sin(at.times / (11 + i) / 1e9))
-        used = (one["cno"] > STRONG_DBHZ) & at.fixed
-        out["sat"]["status"][:, i] = np.where(
-            used, 7 | 1 << 3 | 1 << 4, np.where(one["cno"] > STRONG_DBHZ, 4 | 1 << 4, 2)
-        )
+        used = (one["cno"] > MIN_DBHZ) & at.fixed
+        out["sat"]["status"][:, i] = np.where(used, 7 | 1 << 3 | 1 << 4, np.where(one["cno"] > MIN_DBHZ, 4 | 1 << 4, 2))
 
 
 # -- packets -----------------------------------------------------------------------------------------------------------

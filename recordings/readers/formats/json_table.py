@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 MAX_VALUE_BYTES = 64 << 20  # bytes of a file that is one value, which is read as a whole
 MAX_DEPTH = 32  # brackets in brackets
-MIN_SAMPLES = 2  # samples
+MIN_ROWS = 2  # samples
 MOST_CELLS = 64  # of a list in a sample
 UNITS = ("unit", "units", "SIUN")
 INDEX = "index"
@@ -101,9 +101,9 @@ def _has_lines(path: Path) -> bool:
     """Whether each line is a value of its own."""
     with _text_of(path) as file:
         filled = (line for line in iter(lambda: file.readline(LONGEST_LINE), "") if line.strip())
-        lines = [line for _, line in zip(range(MIN_SAMPLES), filled, strict=False)]
+        lines = [line for _, line in zip(range(MIN_ROWS), filled, strict=False)]
     return (
-        len(lines) == MIN_SAMPLES
+        len(lines) == MIN_ROWS
         and all(is_json(line[:HEAD_BYTES].encode()) for line in lines)
         and _loads(lines[0]) is not None
     )
@@ -194,9 +194,9 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
     if isinstance(value, list):
         names, index = _names(beside), _index(beside.get("index"), len(value))
         for one in value:
-            if isinstance(one, dict) and (len(value) < MIN_SAMPLES or _holds_samples(one)):
+            if isinstance(one, dict) and (len(value) < MIN_ROWS or _holds_samples(one)):
                 yield from _samples(one, "", one)
-            elif len(value) < MIN_SAMPLES or _is_plain(value):
+            elif len(value) < MIN_ROWS or _is_plain(value):
                 break
             elif isinstance(one, dict):
                 yield from (((_name(one, name), beside), _flat(inner)) for inner in _of_batch(one))
@@ -220,7 +220,7 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
 def _holds_samples(value: Mapping[str, Any]) -> bool:
     """Whether an object has a list of objects with times of their own."""
     lists = (
-        one for one in value.values() if isinstance(one, list) and len(one) >= MIN_SAMPLES and isinstance(one[0], dict)
+        one for one in value.values() if isinstance(one, list) and len(one) >= MIN_ROWS and isinstance(one[0], dict)
     )
     return any(TIME.match(words_of(key)) or TIMES.match(words_of(key)) for one in lists for key in one[0])
 
@@ -244,7 +244,7 @@ def _columns(value: Mapping[str, Any]) -> dict[str, Sequence[Any]]:
     """Members that are lists or objects of as many plain values as the first; empty if these are not two or more."""
     lists: dict[str, Any] = {key: list(one.values()) if _is_indexed(one) else one for key, one in value.items()}
     plain: dict[str, Sequence[Any]] = {
-        key: one for key, one in lists.items() if isinstance(one, list) and len(one) >= MIN_SAMPLES and _is_plain(one)
+        key: one for key, one in lists.items() if isinstance(one, list) and len(one) >= MIN_ROWS and _is_plain(one)
     }
     size = max(map(len, plain.values()), default=0)
     columns = {key: one for key, one in plain.items() if len(one) == size and key not in JSON_NAMES}
@@ -253,12 +253,12 @@ def _columns(value: Mapping[str, Any]) -> dict[str, Sequence[Any]]:
     if keys and INDEX not in columns and all(one == keys[0] for one in keys):
         cells = [row[INDEX] for row in _index(keys[0], size) if row]
         columns = {INDEX: cells, **columns} if cells else columns
-    return columns if len(columns) >= MIN_SAMPLES and numbers else {}
+    return columns if len(columns) >= MIN_ROWS and numbers else {}
 
 
 def _is_indexed(value: Any) -> bool:
     """Whether an object counts its members, 0, 1, …, or has a time for each, as pandas writes a column."""
-    if not isinstance(value, dict) or len(value) < MIN_SAMPLES:
+    if not isinstance(value, dict) or len(value) < MIN_ROWS:
         return False
     return all(map(str.isdecimal, value)) or all(map(is_moment, value))
 

@@ -36,7 +36,7 @@ from imuscope.recordings.tables.clocks.names import SENSOR, words_of
 from imuscope.recordings.tables.dates import is_moment
 from imuscope.recordings.tables.format import (
     LONGEST_LINE,
-    MIN_EQUAL_LINES_SHARE,
+    MIN_SHARE,
     SAMPLE_BYTES,
     TableFormat,
     format_of,
@@ -116,18 +116,16 @@ def has_typed_rows(path: Path) -> bool:
     if _names_column(path) is not None:
         return True
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
-    if sum(map(bool, map(_MAVLINK.match, lines))) > MIN_EQUAL_LINES_SHARE * len(lines):
+    if sum(map(bool, map(_MAVLINK.match, lines))) > MIN_SHARE * len(lines):
         return True
     if labels_of(lines) is not None:  # the numbers have names, not the rows
         return False
-    if any(map(_DECLARED.match, lines)) or sum(map(bool, map(_NOVATEL.match, lines))) > MIN_EQUAL_LINES_SHARE * len(
-        lines
-    ):
+    if any(map(_DECLARED.match, lines)) or sum(map(bool, map(_NOVATEL.match, lines))) > MIN_SHARE * len(lines):
         return True
     rows = [row for line in lines if (row := _row(line)) is not None]
     plain = [line for line in lines if line.lstrip()[:1] not in "#%/"]
     names = {name for name, count in Counter(name for name, _, _ in rows).items() if count >= FEWEST_ROWS}
-    if not 2 <= len(names) <= MOST_NAMES or len(rows) < MIN_EQUAL_LINES_SHARE * len(plain):
+    if not 2 <= len(names) <= MOST_NAMES or len(rows) < MIN_SHARE * len(plain):
         return False
     sizes = {(name, len(cells)) for name, _, cells in rows if name in names}
     unlike = len({size for _, size in sizes}) > 1 and len(sizes) < 2 * len(names)

@@ -27,7 +27,7 @@ WORLD = (
 )
 """A time in other languages."""
 TIMES = re.compile("^(?:t|time_?(?:stamp)?|date|date_?time|utc|epoch?|" + WORLD + "|" + "|".join(DAYS) + ")$")
-MIN_RISING_SHARE = 0.9  # of the steps, of dates in a column that no heading names
+MIN_RISING = 0.9  # of the steps, of dates in a column that no heading names
 FINE, FINE_UNITS = "sample_time_fine", {"100 µs": 1e-4, "µs": 1e-6}  # of an MTi, and of a DOT
 FINE_SLOWEST, FINE_FASTEST = 0.9, 2100.0  # Hz: 1 Hz to 2 kHz of an MTi, and what its clock is off
 COUNTERS = re.compile("^(?:packet|sample)_(?:counter|number)$|^(?:counter|samples?|count)$")

@@ -12,7 +12,7 @@ from imuscope.recordings.tables.clocks.sample import TableSample
 from imuscope.recordings.tables.headings import ColumnHeading
 from imuscope.recordings.tables.time_units import (
     FACTORS,
-    MAX_RATE_HZ,
+    MAX_HZ,
     RATE_TOLERANCE,
     RECENT_S,
     SPELLINGS,
@@ -75,7 +75,7 @@ def _of_another_zero(sample: TableSample, column: int, rank: int) -> TableClock 
     for name, (unit, factor, zero) in names.ZEROS.items():
         date = usual * factor + zero
         is_recent = is_dated(date, sample.newest) and date > sample.newest - RECENT_S
-        if is_recent and step and FACTORS["h"] > step * factor > 1 / MAX_RATE_HZ:
+        if is_recent and step and FACTORS["h"] > step * factor > 1 / MAX_HZ:
             why = f"as {unit} of {name}, they are dates"
             clock = TableClock(sample.name(column), (column,), "number", unit, (factor,), "1970", "assumed", why)
             return replace(clock, rank=rank, zero_s=zero)
@@ -92,9 +92,7 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     is_date = sample.words(column) in ("date", *names.DAYS)
     if (not readings or is_date) and (serial := _serial_days(sample, column, rank)) is not None:
         usual = float(np.median(values)) * FACTORS["d"] + serial.zero_s
-        may_be_seconds = mean_step(values) * MAX_RATE_HZ >= 1 and (
-            sample.is_inertial or usual < sample.newest - RECENT_S
-        )
+        may_be_seconds = mean_step(values) * MAX_HZ >= 1 and (sample.is_inertial or usual < sample.newest - RECENT_S)
         return sample.open_clock(column, rank) if may_be_seconds and not is_date else serial
     if not readings and (counted := _of_another_zero(sample, column, rank)) is not None:
         return counted
@@ -167,7 +165,7 @@ def unnamed_clocks(sample: TableSample) -> list[TableClock]:
         values = sample.numbers(column)
         if (
             len(values) >= max(names.MIN_ROWS, len(sample.form.sample))
-            and (np.diff(values) >= 0).mean() > names.MIN_RISING_SHARE
+            and (np.diff(values) >= 0).mean() > names.MIN_RISING
         ):
             is_stated = sample.options.unit or sample.headings[column].unit
             one = number_clock(sample, column, 5) if is_stated else inferred_clock(sample, column, 5)

@@ -63,7 +63,7 @@ class TableSample:
     def rises(self, column: int) -> bool:
         """Whether the numbers of a column rise, and hardly any row lacks one."""
         values, rows = self.numbers(column), len(self.form.sample)
-        return len(values) >= max(names.MIN_ROWS, names.MIN_RISING_SHARE * rows) and bool((np.diff(values) > 0).all())
+        return len(values) >= max(names.MIN_ROWS, names.MIN_RISING * rows) and bool((np.diff(values) > 0).all())
 
     def advances(self, columns: Sequence[int]) -> bool:
         """Whether the numbers of a stamp are more than zeros."""

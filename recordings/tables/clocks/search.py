@@ -277,4 +277,4 @@ def _completes(sample: TableSample, clock: TableClock, column: int, factor: floa
     if not np.isfinite(seconds).all() or (seconds != np.floor(seconds)).any() or (parts != np.floor(parts)).any():
         return False
     repeats = bool((np.diff(seconds) == 0).any())
-    return repeats and bool((np.diff(seconds + parts * factor) > 0).mean() > names.MIN_RISING_SHARE)
+    return repeats and bool((np.diff(seconds + parts * factor) > 0).mean() > names.MIN_RISING)

@@ -21,7 +21,7 @@ from imuscope.recordings.tables.dates import DAY_S
 
 StepKind = Literal["back", "ahead", "wrap"]
 
-SEGMENT_GAP_RATIO = 2.0  # of the length of a gap: the unknown time between two segments is drawn as one
+GAP_RATIO = 2.0  # of the length of a gap: the unknown time between two segments is drawn as one
 NEXT_ROWS = 8  # rows within which a clock that is only out of order returns
 PAUSE_S = 60.0  # a longer step ahead begins a segment; a shorter one is a gap
 REPEATED_SHARE = 0.5  # of the rows repeat a time
@@ -139,9 +139,7 @@ class ClockWatch:
             return
         else:
             self.steps.append(StepOfClock(at, "back", by, previous, now))
-            self._shift = (
-                previous + self._shift + (SEGMENT_GAP_RATIO * self._ahead if np.isfinite(self._ahead) else 1.0) - now
-            )
+            self._shift = previous + self._shift + (GAP_RATIO * self._ahead if np.isfinite(self._ahead) else 1.0) - now
         self.shifts.append((at, self._shift))
 
     def _wraps(self, previous: float, now: float, period: float) -> bool:
