@@ -10,7 +10,6 @@ after a crash with growing delays. An absent router is not an error: Zenoh tries
 
 import asyncio
 import json
-import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -91,8 +90,6 @@ PASSES_PER_S = 80.0  # how often samples are passed on: a message is at most 12 
 AGAIN_S, LONGEST_S = 1.0, 60.0
 NAME_S = 3.0  # for a device to be identified before it is announced, if it never was
 STEADY_S = 120.0  # after running this long, the next crash counts as the first
-
-log = logging.getLogger("imuscope.ros2")
 
 
 @dataclass(slots=True)

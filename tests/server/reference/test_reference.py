@@ -58,7 +58,7 @@ def test_generated_files_are_marked() -> None:
     found = subprocess.check_output(
         ["git", "grep", "-lE", GENERATED, "--", "*.md", "*.ts"], cwd=ROOT, text=True
     ).split()
-    assert len(found) > 5
+    assert len(found) > 1
     marked = {line.split()[0] for line in (ROOT / ".gitattributes").read_text().splitlines() if "generated" in line}
     assert not [name for name in found if name not in marked]
 
