@@ -11,8 +11,8 @@ A sensor's port carries NMEA 0183 sentences between, or instead of, its own fram
     start; ! for encapsulated ones
 
 The framing is: a start, printable characters, a line end within `MAX_SENTENCE_BYTES`, no other start between. A
-sentence with a wrong checksum, or broken off, is found too, with an empty name, so that losses are counted. Fields come from
-two places: `SENTENCES` below for those specific to one family of devices, pynmeagps for the rest.
+sentence with a wrong checksum, or broken off, is found too, with an empty name, so that losses are counted. Fields
+come from two places: `SENTENCES` below for those specific to one family of devices, pynmeagps for the rest.
 
 Rules for editing: a new sentence is a row in `SENTENCES`. `dtype` "f8" is a number (None when the field is empty),
 "i8" a whole one, "ascii" a word. Widths and decimals are free: the document contradicts itself (PSONCMS has "MM,MMMM",

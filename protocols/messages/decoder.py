@@ -292,11 +292,8 @@ class MessageDecoder:
                 continue
             opcode, length = HEAD.unpack_from(data, at)
             whole = at + HEAD.size + length
-            if (
-                not SCHEMA <= opcode <= MESSAGE
-                or length >= MAX_RECORD
-                or (opcode == MESSAGE and length < MESSAGE_FIXED)
-            ):
+            least = MESSAGE_FIXED if opcode == MESSAGE else 0
+            if not SCHEMA <= opcode <= MESSAGE or not least <= length < MAX_RECORD:
                 match = PLAUSIBLE.search(data, at + 1)
                 behind = match.start() if match is not None else max(end - HEAD.size + 1, at + 1)
                 rejects.append(RejectedFrame(start + at, behind - at, "bad_size", buffer.arrival(start + at)))

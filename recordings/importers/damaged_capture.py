@@ -23,9 +23,8 @@ def has_unchecked_sentences(data: bytes) -> bool:
 def damaged_sentences(data: bytes) -> str:
     """Words on sentences of a GNSS receiver, in a file where none has a right checksum; "" if there are none."""
     sums = list(_sums(data))
-    return (
-        f"{len(sums)} sentences of NMEA" if len(sums) >= MIN_FRAMES and sums.count(b"") < MIN_SHARE * len(sums) else ""
-    )
+    is_damaged = len(sums) >= MIN_FRAMES and sums.count(b"") < MIN_SHARE * len(sums)
+    return f"{len(sums)} sentences of NMEA" if is_damaged else ""
 
 
 def damaged_frames(data: bytes) -> str:

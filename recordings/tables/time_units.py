@@ -94,11 +94,8 @@ def usual_step(times: Floats) -> float:
     be that of a clock that is set.
     """
     steps = _advances(times)
-    return (
-        float(np.quantile(steps, 0.5, method="lower" if len(steps) < MIN_MEDIAN_STEPS else "linear"))
-        if len(steps)
-        else 0.0
-    )
+    is_short = len(steps) < MIN_MEDIAN_STEPS
+    return float(np.quantile(steps, 0.5, method="lower" if is_short else "linear")) if len(steps) else 0.0
 
 
 def _advances(times: Floats) -> Floats:

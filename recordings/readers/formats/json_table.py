@@ -217,10 +217,8 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
 
 def _holds_samples(value: Mapping[str, Any]) -> bool:
     """Whether an object has a list of objects with times of their own."""
-    lists = (
-        one for one in value.values() if isinstance(one, list) and len(one) >= MIN_ROWS and isinstance(one[0], dict)
-    )
-    return any(TIME.match(words_of(key)) or TIMES.match(words_of(key)) for one in lists for key in one[0])
+    lists = (of for of in value.values() if isinstance(of, list) and len(of) >= MIN_ROWS and isinstance(of[0], dict))
+    return any(TIME.match(words_of(key)) or TIMES.match(words_of(key)) for of in lists for key in of[0])
 
 
 def _of_batch(sample: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:

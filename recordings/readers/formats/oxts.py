@@ -37,10 +37,8 @@ def open_oxts_folder(folder: Path, options: TableOptions) -> CsvSource:
         RecordingError: its files are not those of packets.
     """
     with open_regular(folder / TIMES) as file:
-        times = [
-            line.strip()
-            for line in file.read(MAX_BYTES * MAX_PACKETS).decode(errors="replace").splitlines()[:MAX_PACKETS]
-        ]
+        lines = file.read(MAX_BYTES * MAX_PACKETS).decode(errors="replace").splitlines()
+        times = [line.strip() for line in lines[:MAX_PACKETS]]
     rows = [f"{time},{packet}\n" for number, time in enumerate(times) if (packet := _packet(folder, number))]
     if not rows:
         hint = (

@@ -163,10 +163,8 @@ def unnamed_clocks(sample: TableSample) -> list[TableClock]:
     rising: dict[int, TableClock] = {}
     for column in range(len(sample.headings)):
         values = sample.numbers(column)
-        if (
-            len(values) >= max(names.MIN_ROWS, len(sample.form.sample))
-            and (np.diff(values) >= 0).mean() > names.MIN_RISING
-        ):
+        share = (np.diff(values) >= 0).mean() if len(values) >= max(names.MIN_ROWS, len(sample.form.sample)) else 0.0
+        if share > names.MIN_RISING:
             is_stated = sample.options.unit or sample.headings[column].unit
             one = number_clock(sample, column, 5) if is_stated else inferred_clock(sample, column, 5)
             rising |= {column: one} if one.epoch == "1970" or (np.diff(values) > 0).all() else {}

@@ -254,11 +254,7 @@ export function listen(
       const sideways = event.shiftKey && event.deltaX === 0 ? event.deltaY : event.deltaX;
       if (Math.abs(sideways) > Math.abs(event.deltaY) || (event.shiftKey && sideways !== 0)) {
         actions.panTo(actions.rightEdge() + ((sideways * unit) / w.width) * view.peek().span);
-      } else
-        actions.zoom(
-          Math.exp(event.deltaY * unit * (event.ctrlKey ? 4 * WHEEL_STEP : WHEEL_STEP)),
-          (x - w.left) / w.width,
-        );
+      } else actions.zoom(Math.exp(event.deltaY * unit * WHEEL_STEP * (event.ctrlKey ? 4 : 1)), (x - w.left) / w.width);
     },
     false,
   );

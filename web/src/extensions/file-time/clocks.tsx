@@ -16,7 +16,7 @@ export type TimeSpan = Pick<FileTime, "start" | "end">;
 /** Seconds shown around a step. */
 const ROOM_S = 2;
 /** Steps that are listed at once; more are behind a line. */
-const MAX_OPEN = 3;
+const OPEN = 3;
 const HEADINGS = [
   [TEXT.clock, undefined],
   [TEXT.unit, undefined],
@@ -131,7 +131,7 @@ function Course({ clock, span: { start, end }, jump }: CourseProps) {
       ) : (
         steps.length > 0 && <DifferenceStrip name={clock.name} marks={marks} start={start} end={end} />
       )}
-      {steps.length > MAX_OPEN ? (
+      {steps.length > OPEN ? (
         <details>
           <summary>{TEXT.stepsOf(clock.name, clock.steps_in_all)}</summary>
           <StepList clock={clock} jump={jump} />
@@ -139,9 +139,7 @@ function Course({ clock, span: { start, end }, jump }: CourseProps) {
       ) : (
         steps.length > 0 && <StepList clock={clock} jump={jump} />
       )}
-      {steps.length <= MAX_OPEN && clock.steps_in_all > steps.length && (
-        <p class="dim">{TEXT.more(clock.steps_in_all)}</p>
-      )}
+      {steps.length <= OPEN && clock.steps_in_all > steps.length && <p class="dim">{TEXT.more(clock.steps_in_all)}</p>}
     </>
   );
 }

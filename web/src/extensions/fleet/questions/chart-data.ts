@@ -141,20 +141,12 @@ function padded({ kind, low, high }: Axis): Axis {
   return { kind, low: low - more, high: high + more };
 }
 
-const MAX_CHARS = 14;
+const LABEL_CHARS = 14;
 
 function wordTicks(words: readonly string[], { low, high }: Axis, most: number): readonly Tick[] {
   const every = Math.max(1, Math.ceil(words.length / most));
-  return words.flatMap((word, at) =>
-    at % every === 0
-      ? [
-          {
-            at: (at - low) / (high - low),
-            text: word.length > MAX_CHARS ? `${word.slice(0, MAX_CHARS - 1)}…` : word,
-          },
-        ]
-      : [],
-  );
+  const text = (word: string) => (word.length > LABEL_CHARS ? `${word.slice(0, LABEL_CHARS - 1)}…` : word);
+  return words.flatMap((word, at) => (at % every === 0 ? [{ at: (at - low) / (high - low), text: text(word) }] : []));
 }
 
 const [MINUTE, HOUR, DAY] = [60, 3600, 86_400];
