@@ -18,6 +18,7 @@ from typing import Any
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_object
 from imuscope.server import wire
 from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.devices.decode.protocol_set import sensors_of
@@ -77,11 +78,7 @@ class TopicSwitches:
         atomic_write.write_atomic(self._path, json.dumps({"switched_off": sorted(off)}, indent=1))
 
     def _read(self) -> frozenset[str]:
-        try:
-            content = json.loads(self._path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return frozenset()
-        rows = content.get("switched_off") if isinstance(content, dict) else None
+        rows = read_object(self._path).get("switched_off")
         return frozenset(row for row in rows if isinstance(row, str)) if isinstance(rows, list) else frozenset()
 
 
