@@ -66,7 +66,7 @@ class LinkMember:
 
     @property
     def stats(self) -> LinkStatistics:
-        """What was received of it."""
+        """Counts of its bytes and messages."""
         return self._sender.stats
 
     async def send(self, data: bytes) -> int:

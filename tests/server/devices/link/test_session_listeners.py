@@ -1,4 +1,4 @@
-"""What listeners of a session are told."""
+"""Listeners of a session."""
 
 import numpy as np
 
