@@ -190,12 +190,12 @@ def test_every_part_of_the_quick_check_exists() -> None:
 
 def test_a_part_that_prints_dots_is_not_silent(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run of few tests prints no whole line for minutes."""
-    seen: list[str] = []
+    records: list[str] = []
     read, written = os.pipe()
     dots = f"import os\nos.write(1, b'.')\nos.read({read}, 1)\nos.write(1, b'. 2 passed')"
 
     def go_on(watch: object) -> None:
-        seen.append("printed")
+        records.append("printed")
         os.write(written, b"x")  # only what was passed on without a line's end lets it go on
 
     monkeypatch.setattr(parts._SilenceWatch, "printed", go_on)
@@ -203,6 +203,6 @@ def test_a_part_that_prints_dots_is_not_silent(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(parts, "INHERITED", (read,))
     outcome = parts.run(python(dots), [sys.executable, "-c", dots], {})
     assert outcome.closing == ".. 2 passed"
-    assert seen
+    assert records
     for descriptor in (read, written):
         os.close(descriptor)

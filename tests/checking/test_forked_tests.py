@@ -87,10 +87,10 @@ def test_one_worker_keeps_a_browser_and_two_have_one_at_the_end() -> None:
         workers.append(forked_tests._Worker(f"worker{number}", 0, Pipe()[0], tests._take()))
         tests._workers = list(workers)
     assert [worker.group[0].name for worker in workers] == ["browser 1", "plain 1", "plain 2"]
-    taken = []
+    batches = []
     for number in (0, 1, 2, 1, 0):
         worker = workers[number]
         worker.group = tests._take(worker) or worker.group
-        taken.append(worker.group[0].name)
-    assert taken == ["browser 2", "plain 3", "browser 3", "plain 3", "browser 4"]
+        batches.append(worker.group[0].name)
+    assert batches == ["browser 2", "plain 3", "browser 3", "plain 3", "browser 4"]
     assert tests._take(workers[2]) == []

@@ -183,8 +183,8 @@ def test_a_mixed_file_is_reported(tmp_path: Path) -> None:
 
 
 def test_every_reason_is_explained() -> None:
-    found = {reason for family in PROTOCOLS.values() for reason in explained_rejects(family)}
-    assert found == set(REASONS) - {""}
+    results = {reason for family in PROTOCOLS.values() for reason in explained_rejects(family)}
+    assert results == set(REASONS) - {""}
 
 
 def test_the_table_explains_codes_and_identifiers(tmp_path: Path) -> None:
@@ -201,12 +201,12 @@ def test_the_table_explains_codes_and_identifiers(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(b"".join(frames))
     out = io.StringIO()
     inspect_file(tmp_path / "a.bin", out, DecodeOptions("xbus"))
-    _, error, outputs, told, long, short = out.getvalue().splitlines()
+    _, error, outputs, report, long, short = out.getvalue().splitlines()
     assert "code message invalid (4)" in error
     assert "data_identifier 0x1020 (" in outputs
     assert "data_identifier 0x402A (" in outputs
-    assert "master_device_id 0080800001 " in told
-    assert " device_id 0080800001 " in told
+    assert "master_device_id 0080800001 " in report
+    assert " device_id 0080800001 " in report
     assert long.endswith("device_id 0080800001")
     assert short.endswith("device_id 0080003A")
     first, *_ = lines_of(tmp_path / "a.bin", DecodeOptions("xbus"))

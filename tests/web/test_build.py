@@ -112,10 +112,10 @@ def test_licences_of_what_is_bundled_stand_beside_the_page(build: ModuleType) ->
     folder = build.WEB / "node_modules" / "preact"
     folder.mkdir(parents=True)
     (folder / "LICENSE").write_text("Permission is hereby granted")
-    told = build.notices()
-    assert "preact 10.0.0 (MIT)" in told
-    assert "Permission is hereby granted" in told
-    assert "vite" not in told
+    report = build.notices()
+    assert "preact 10.0.0 (MIT)" in report
+    assert "Permission is hereby granted" in report
+    assert "vite" not in report
 
 
 def test_a_build_without_git_takes_its_commit_from_the_environment(

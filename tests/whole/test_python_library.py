@@ -123,9 +123,9 @@ def test_analyses_and_exports_are_those_of_the_command_line(drive: Path, tmp_pat
         figures = recording.analyse("psd", "RateOfTurn.x", begin_s=1, end_s=4)
         [path] = recording.export(tmp_path / "own.csv", signals=["Rate of turn"], begin_s=1)
         words = ("analyse", str(drive), "psd", "--signal", "RateOfTurn.x", "--from", "1", "--to", "4")
-        told = run_command(*words, "--format", "json", *data)
-        assert told.returncode == 0, told.stderr
-        assert json.loads(told.stdout) == json.loads(json.dumps(figures["RateOfTurn.x"]))
+        report = run_command(*words, "--format", "json", *data)
+        assert report.returncode == 0, report.stderr
+        assert json.loads(report.stdout) == json.loads(json.dumps(figures["RateOfTurn.x"]))
         header, *rows = path.read_text().splitlines()
         assert "RateOfTurn" in header or "Rate of turn" in header
         assert len(rows) == len(recording["RateOfTurn"].between(1, 1e6))

@@ -333,8 +333,8 @@ def test_a_receiver_that_is_set_back_was_right_before(tmp_path: Path) -> None:
 
 def test_the_clock_of_a_capture_and_its_date_are_said(tmp_path: Path) -> None:
     store = opened(field_file("c32_idtp_wrap.bin"), tmp_path)
-    said = ["The time axis is the clock of the device.", "Its date is that of the file's last change."]
-    assert time_sentences(store) == store.manifest["time"]["sentences"] == said
+    texts = ["The time axis is the clock of the device.", "Its date is that of the file's last change."]
+    assert time_sentences(store) == store.manifest["time"]["sentences"] == texts
 
 
 @each_row("name", ["gnss.nmea", "gnss.txt", "gnss.csv"])

@@ -168,10 +168,10 @@ def test_exported_csv_is_read_again(tmp_path: Path) -> None:
     again = opened(made)
     numbers = named(again)
     for name, number in (("Acceleration", 1), ("PacketCounter", 2)):
-        wanted, got = columns.exact(number, 0, 1000), again.exact(numbers[name], 0, 1000)
-        np.testing.assert_array_equal(got.time, wanted.time)
-        np.testing.assert_array_equal(got.arrival, wanted.arrival)
-        for a, b in zip(got.columns, wanted.columns, strict=True):
+        expected, got = columns.exact(number, 0, 1000), again.exact(numbers[name], 0, 1000)
+        np.testing.assert_array_equal(got.time, expected.time)
+        np.testing.assert_array_equal(got.arrival, expected.arrival)
+        for a, b in zip(got.columns, expected.columns, strict=True):
             np.testing.assert_array_equal(a.astype(b.dtype), b)
 
 
@@ -245,12 +245,12 @@ def test_satellites_of_an_export_are_rows_again(tmp_path: Path) -> None:
     (made,) = export("mcap", ExportRequest(columns, channels=(4,)), tmp_path / "run.mcap")
     again = opened(made)
     (info,) = (one for one in again.manifest["channels"] if one["message"] == "/MTi-630/GnssSatInfo")
-    rows, wanted = again.exact(info["id"], 0, 30), columns.exact(4, 0, 30)
+    rows, expected = again.exact(info["id"], 0, 30), columns.exact(4, 0, 30)
     names = [column["name"] for column in info["columns"]]
     assert (info["title"], info["kind"]) == ("GnssSatInfo", "table")
-    np.testing.assert_array_equal(rows.columns[names.index("svid")], wanted.columns[0])
+    np.testing.assert_array_equal(rows.columns[names.index("svid")], expected.columns[0])
     assert info["columns"][names.index("cno")]["unit"] == "dBHz"
-    np.testing.assert_allclose(rows.time, wanted.time, atol=1e-6)
+    np.testing.assert_allclose(rows.time, expected.time, atol=1e-6)
 
 
 def test_an_mcap_without_json_is_reported(tmp_path: Path) -> None:

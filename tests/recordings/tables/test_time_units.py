@@ -121,10 +121,10 @@ def read(table: Table) -> tuple[TimeAxis, NDArray[np.float64]] | None:
 
 def check(table: Table) -> str:
     """Read a table; the unit that is taken, "" if it is refused."""
-    if (found := read(table)) is None:
+    if (results := read(table)) is None:
         return ""
     resolution = UNITS[table.unit] * 10.0**-table.decimals
-    np.testing.assert_allclose(np.diff(found[1]), np.diff(np.array(table.times)), atol=2 * resolution + 1e-6)
+    np.testing.assert_allclose(np.diff(results[1]), np.diff(np.array(table.times)), atol=2 * resolution + 1e-6)
     return table.unit
 
 
@@ -150,20 +150,20 @@ def disturbed(draw: st.DrawFn) -> tuple[Table, str]:
 
 def check_disturbed(table: Table, kind: str) -> None:
     """Read a table; its unit is right, or it is refused, and no time is invented."""
-    if (found := read(table)) is None:
+    if (result := read(table)) is None:
         return
-    axis, time = found
+    axis, time = result
     assert axis.watch is not None
     resolution = UNITS[table.unit] * 10.0**-table.decimals
-    wanted = np.array(table.times)
+    expected = np.array(table.times)
     if axis.order:
-        wanted = np.sort(wanted)
+        expected = np.sort(expected)
     elif kind in ("backwards", "shuffled"):  # few rows: each step back is reported
         return
     if axis.clock.epoch == "1970":
-        wanted = wanted[np.abs(wanted) > resolution / 2]
+        expected = expected[np.abs(expected) > resolution / 2]
     if not axis.watch.steps:  # each is reported
-        np.testing.assert_allclose(np.diff(time), np.diff(wanted), atol=2 * resolution + 1e-6)
+        np.testing.assert_allclose(np.diff(time), np.diff(expected), atol=2 * resolution + 1e-6)
 
 
 @given(disturbed())

@@ -137,8 +137,8 @@ def test_the_editor_follows_from_the_type(field: Field, editor: str) -> None:
 def test_numbers_that_javascript_cannot_hold_come_back_from_text() -> None:
     each = Field("each", shape=(-1,), fields=(Field("n", "u8"),))
     fields = (Field("bits", "<u8"), Field("name", "ascii", (8,)), each)
-    given_ = {"bits": "18446744073709551615", "name": "12", "each": [{"n": "3"}], "other": "4"}
-    assert numbers(fields, given_) == {"bits": 2**64 - 1, "name": "12", "each": [{"n": 3}], "other": "4"}
+    source = {"bits": "18446744073709551615", "name": "12", "each": [{"n": "3"}], "other": "4"}
+    assert numbers(fields, source) == {"bits": 2**64 - 1, "name": "12", "each": [{"n": 3}], "other": "4"}
 
 
 def test_values_have_display_text() -> None:

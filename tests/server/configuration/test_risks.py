@@ -48,9 +48,9 @@ OLD: dict[str, Any] = {
 )
 def test_a_configuration_is_never_written_without_confirmation(values: dict[str, Any], cautions: set[str]) -> None:
     row = next(row for row in DRIVER.settings(KNOWN) if row.name == "DID_FLASH_CONFIG")
-    found = dangers_of_write(DRIVER, row, OLD, values, KNOWN)
-    assert {one.caution for one in found} == cautions
-    assert all(one.consequence for one in found)
+    results = dangers_of_write(DRIVER, row, OLD, values, KNOWN)
+    assert {one.caution for one in results} == cautions
+    assert all(one.consequence for one in results)
 
 
 def test_a_port_that_may_be_ours_is_looked_for_at_every_rate() -> None:

@@ -49,8 +49,8 @@ def test_an_answer_has_its_time_since_the_request_and_its_bytes() -> None:
     one.on_received(event)
     one.matched(event)
     one.flush()
-    asked, answered = one.tail()
-    assert (asked.direction, asked.name, asked.hex) == ("tx", "GoToConfig", "faff3000d1")
+    request, answered = one.tail()
+    assert (request.direction, request.name, request.hex) == ("tx", "GoToConfig", "faff3000d1")
     assert (answered.direction, answered.name, answered.hex) == ("rx", "GoToConfigAck", "faff3100d0")
     assert answered.ms is not None
     assert round(answered.ms) == 17
@@ -66,8 +66,8 @@ def test_a_request_has_the_time_at_which_it_was_written() -> None:
     one.on_received(event)
     one.matched(event)
     one.flush()
-    asked, answered = one.tail()
-    assert asked.time == written_ns / 1e9
+    request, answered = one.tail()
+    assert request.time == written_ns / 1e9
     assert answered.ms is not None
     assert round(answered.ms) == 17
 

@@ -84,10 +84,10 @@ def test_a_hole_costs_frames_until_the_next_whole_one(tmp_path: Path) -> None:
     data[at : at + 9] = bytes(9)
     path = tmp_path / "a.bbl"
     path.write_bytes(data)
-    found = frames_of(path)["main"]
-    assert 32 < len(found) < len(main)
-    assert len(main) - len(found) <= 33, "a whole frame comes every 32 loops"
-    assert all(row in main for row in found)
+    results = frames_of(path)["main"]
+    assert 32 < len(results) < len(main)
+    assert len(main) - len(results) <= 33, "a whole frame comes every 32 loops"
+    assert all(row in main for row in results)
     words = damage_of(opened(path, tmp_path))
     assert "outside frames" in words
     assert "left out" in words

@@ -154,10 +154,10 @@ def test_a_flag_is_set_or_clear() -> None:
     ],
 )
 def test_a_mistake_has_its_place(text: str, marked: str) -> None:
-    with pytest.raises(ExpressionError) as found:
+    with pytest.raises(ExpressionError) as error:
         judge(text)
-    assert text[found.value.begin : found.value.end] == marked
-    assert found.value.message.endswith(")")
+    assert text[error.value.begin : error.value.end] == marked
+    assert error.value.message.endswith(")")
 
 
 @each_row("clear", ["3.5 g", "2 °/s", "Temperature", "2 g +", "1"])

@@ -58,11 +58,16 @@ def test_an_open_table_is_asked_about_once_for_its_heading(running: InProcessSer
     assert (preview["about"], preview["clock"], preview["times"][0]) == ("unit", "time", None)
     rates = {one["unit"]: one["rate"] for one in preview["units"] if one["is_plausible"]}
     assert rates == {"s": pytest.approx(1), "ms": pytest.approx(1000)}
-    seen = client.post(f"{URL}/{first}/reading/preview", json={"unit": "ms"}).json()
-    assert (seen["about"], seen["rate"], seen["unit"], seen["separator"]) == ("", pytest.approx(1000), "ms", ",")
-    assert seen["times"][2] - seen["times"][1] == pytest.approx(0.001, abs=1e-6)
-    assert seen["rows"][1] == ["1", 1.5, 0.0, 1.0, 1.0]
-    assert [(one["group"], one["axis"], one["unit"], one["role"]) for one in seen["columns"]] == [
+    answer = client.post(f"{URL}/{first}/reading/preview", json={"unit": "ms"}).json()
+    assert (answer["about"], answer["rate"], answer["unit"], answer["separator"]) == (
+        "",
+        pytest.approx(1000),
+        "ms",
+        ",",
+    )
+    assert answer["times"][2] - answer["times"][1] == pytest.approx(0.001, abs=1e-6)
+    assert answer["rows"][1] == ["1", 1.5, 0.0, 1.0, 1.0]
+    assert [(one["group"], one["axis"], one["unit"], one["role"]) for one in answer["columns"]] == [
         ("", "", "", "time"),
         ("gyr", "x", "rad/s", "value"),
         ("gyr", "y", "", "value"),

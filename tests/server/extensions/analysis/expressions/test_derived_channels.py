@@ -303,9 +303,9 @@ def test_the_preview_takes_signals_of_several_devices(running: InProcessServer) 
     running.call(begin)
     body = {"source": "7", "t0": None, "t1": None, "options": {}}
     text = '(shift("8/Line8", 0.1 s) - Line7)'
-    [found] = client.post("/api/analysis/expression", json={**body, "signals": [text]}).json()
-    values = np.array(found["figures"]["values"])
-    assert found["units"]["values"] == "m"
+    [result] = client.post("/api/analysis/expression", json={**body, "signals": [text]}).json()
+    values = np.array(result["figures"]["values"])
+    assert result["units"]["values"] == "m"
     np.testing.assert_allclose(values[np.isfinite(values)][-1], 3 * 0.89 - 0.99, atol=1e-6)
     unnamed = client.post("/api/analysis/expression", json={**body, "signals": ["(Line8 - Line7)"]})
     assert_problem(unnamed, 422, "bad-expression")  # as saving it would be

@@ -110,12 +110,12 @@ WORK_S = 0.3  # of one thread besides the first, which imports the modules and w
 
 def busiest_thread_s(pid: int) -> float:
     """Processor time of a process's busiest thread besides the first."""
-    found = 0
+    count = 0
     for path in Path(f"/proc/{pid}/task").glob("*/stat"):
         with contextlib.suppress(OSError):  # it has ended
             if path.parent.name != str(pid):
-                found = max(found, sum(map(int, path.read_text().rsplit(")", 1)[1].split()[11:13])))
-    return found / os.sysconf("SC_CLK_TCK")
+                count = max(count, sum(map(int, path.read_text().rsplit(")", 1)[1].split()[11:13])))
+    return count / os.sysconf("SC_CLK_TCK")
 
 
 def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) -> None:

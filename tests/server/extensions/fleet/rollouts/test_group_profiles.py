@@ -51,9 +51,9 @@ def test_a_robot_that_differs_is_told_with_its_differences(tmp_path: Path) -> No
     assert (profile.robot, profile.by, profile.group) == ("a", "Anna B.", "otters")
     assert (profiles.judged(first).settings, profiles.judged(first).drifted) == ("as-profile", 0)
     assert (profiles.judged(second).settings, profiles.judged(second).drifted) == ("drifted", 1)
-    found = profiles.check("otters", second.devices[0]).difference
-    assert found is not None
-    assert [(row.left, row.right) for row in found.rows] == [("400 Hz", "100 Hz")]
+    results = profiles.check("otters", second.devices[0]).difference
+    assert results is not None
+    assert [(row.left, row.right) for row in results.rows] == [("400 Hz", "100 Hz")]
     assert profiles.judged(robot("c", wrong, "herons")).settings == "unknown"
     assert profiles.judged(robot("d", None)).settings == "unknown"
     assert profiles.judged(robot("d", None)).devices[0].expected_rate == 100  # as the profile has it
@@ -139,8 +139,8 @@ def test_settings_of_any_shape_do_no_harm(shapes: dict[str, Any], noise: bytes) 
     answer = {"protocol": "xbus", "product": PRODUCT, "firmware": "1", "values": shapes}
     for data in (msgspec.msgpack.encode(answer), noise):
         with contextlib.suppress(ReportError):
-            found = decode_settings(data)
-            difference(driver, settings_at(100), found)
+            result = decode_settings(data)
+            difference(driver, settings_at(100), result)
 
 
 def test_from_a_simulated_sensor_to_the_answer(tmp_path: Path) -> None:

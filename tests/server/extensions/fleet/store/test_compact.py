@@ -121,8 +121,8 @@ def test_uploads_of_several_processes_go_on_while_files_are_joined(
             commands.upload(file, store)
         assert joining.poll() is None, "files are still joined"
         joining.kill()
-        said = joining.stdout.read()
-    assert any(line.split()[0] not in ("0", "1") for line in said.splitlines()), (
+        message = joining.stdout.read()
+    assert any(line.split()[0] not in ("0", "1") for line in message.splitlines()), (
         "files of uploads were joined meanwhile"
     )
     count = "SELECT count(*) AS n, count(DISTINCT recording) AS different FROM recordings"

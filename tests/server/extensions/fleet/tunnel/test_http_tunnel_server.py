@@ -87,11 +87,11 @@ def another_robot_is_denied(server: ServerProcess, bus: str) -> None:
     with FleetRobot("b", bus, BusCredentials(user="b", password=PASSWORDS["b"])) as b:
         block_until(b.opened.is_set, "b is connected")
         assert b.session is not None
-        heard: list[str] = []
+        received: list[str] = []
         mine = "f" * 16
         held = [
             b.session.declare_subscriber(
-                key, lambda sample: heard.append(str(sample.key_expr)), allowed_origin=zenoh.Locality.REMOTE
+                key, lambda sample: received.append(str(sample.key_expr)), allowed_origin=zenoh.Locality.REMOTE
             )
             for key in (keys.answers(mine), keys.answers("*"), f"{keys.ROOT}/**")
         ]
@@ -106,7 +106,7 @@ def another_robot_is_denied(server: ServerProcess, bus: str) -> None:
             "what b says of itself arrives",
         )
         assert get(f"{base(server)}/api/build").status_code == 200
-        assert heard == []
+        assert received == []
         del held
 
 
