@@ -18,8 +18,6 @@ source: imuscope.server is server/. Nothing imports the bare names, which are to
 own.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 
 TYPE_CHECKING = False  # to import typing takes half a megabyte
@@ -44,7 +42,7 @@ __all__ = [
 _OF_LIVE = ("Batch", "LiveSignal", "Server", "connect")
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """A public name, imported when it is used: `imuscope --version` needs none of them."""
     if name not in __all__:
         raise AttributeError(f"module 'imuscope' has no attribute {name!r}")

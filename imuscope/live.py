@@ -5,8 +5,6 @@ several programs and pages can watch at once, and a slow one loses samples (coun
 the others down.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterator, Mapping
@@ -71,7 +69,7 @@ class Server:
         version: of the server.
     """
 
-    def __init__(self, connection: ClientConnection) -> None:
+    def __init__(self, connection: "ClientConnection") -> None:
         self._connection = connection
         self._devices: dict[str, Device] = {}
         self._signals: dict[int, LiveSignal] = {}
@@ -82,7 +80,7 @@ class Server:
 
     _devices_known = False
 
-    def __enter__(self) -> Server:
+    def __enter__(self) -> "Server":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -8,8 +8,6 @@ A part is sized for efficient reading (up to some megabytes), so that an hour of
 is one file, or the files of a split recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -66,13 +64,13 @@ class SourceDevice:
     identity: Mapping[str, str] = field(default_factory=dict)
 
 
-def add_outer_damage(source: Source, damage: Sequence[FileDamage]) -> None:
+def add_outer_damage(source: "Source", damage: Sequence[FileDamage]) -> None:
     """Add damage of the archive that a file comes from, which stays when the file is read again."""
     if damage:
         vars(source)["outer_damage"] = [*vars(source).get("outer_damage", ()), *damage]
 
 
-def damage_of(source: Source) -> list[FileDamage]:
+def damage_of(source: "Source") -> list[FileDamage]:
     """Damage of a file, and of the archive that it comes from."""
     return [*getattr(source, "outer_damage", ()), *source.damage]
 

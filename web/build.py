@@ -70,6 +70,7 @@ SOURCES = (
     "tsconfig.json",
     "vite.config.ts",
 )
+GENERATED = re.compile(r"src/wire/(routes|[a-z-]*types)\.ts$")  # types, which are removed to build the page
 CONFIG = "vite.config.ts"
 BUNDLES = "src/extensions/*/bundle.config.ts"  # what extensions have besides their part of the page
 
@@ -109,7 +110,8 @@ def sources() -> Iterator[Path]:
         if path.is_file():
             yield path
         else:
-            yield from (file for file in path.rglob("*") if file.is_file() and not file.match("*.test.*"))
+            files = (file for file in path.rglob("*") if file.is_file() and not file.match("*.test.*"))
+            yield from (file for file in files if not GENERATED.search(file.as_posix()))
 
 
 def is_fresh() -> bool:

@@ -44,7 +44,6 @@ LONGEST_NAME = 16  # of a bus; IFNAMSIZ of Linux
 _OPEN, _CLOSE, _HASH, _BLANK, _DOT, _NEWLINE, _R, _LONG_CODE = b"()# .\nR_"
 _ZERO, _NINE = b"09"
 _ERROR_FLAG = 0x2000_0000
-_C, _A, _N = b"CAN"
 _SECOND_NS = 1_000_000_000
 _KEY_BITS = (1 << 48) - 1
 _LATEST_S = 4_102_444_800  # 2100: a later time is damage

@@ -22,8 +22,6 @@ published time.
 Rules for editing: one row costs about 15 µs in `map_to_host`; count the numpy calls.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -67,7 +65,7 @@ class TimedRows:
         if self.offset is not None:
             self.offset = np.ascontiguousarray(self.offset, np.int64)
 
-    def rows(self, which: slice) -> TimedRows:
+    def rows(self, which: slice) -> "TimedRows":
         """A slice of them."""
         offset = None if self.offset is None else self.offset[which]
         return TimedRows(self.device[which], self.arrival[which], offset, self.size, self.source)
@@ -86,7 +84,7 @@ class _Rows:
     def __len__(self) -> int:
         return len(self.device)
 
-    def rows(self, which: slice) -> _Rows:
+    def rows(self, which: slice) -> "_Rows":
         """A slice of them."""
         offset = None if self.offset is None else self.offset[which]
         size = self.size if isinstance(self.size, int) else self.size[which]

@@ -5,8 +5,6 @@
 Source: MCAP specification, "Message".
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import overload
@@ -93,8 +91,8 @@ class MessagePayloads(Sequence[bytes]):
     @overload
     def __getitem__(self, at: int) -> bytes: ...
     @overload
-    def __getitem__(self, at: slice) -> MessagePayloads: ...
-    def __getitem__(self, at: int | slice) -> bytes | MessagePayloads:
+    def __getitem__(self, at: slice) -> "MessagePayloads": ...
+    def __getitem__(self, at: int | slice) -> "bytes | MessagePayloads":
         if isinstance(at, slice):
             return MessagePayloads(self.data, self.starts[at], self.lengths[at])
         start = int(self.starts[at])

@@ -13,8 +13,6 @@ The text comes from outside: an invalid one is a ValueError.
 Source: ROS 2 interface definition (docs.ros.org, "About ROS 2 interfaces"); MCAP registry, "ros2msg".
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 
@@ -44,7 +42,7 @@ class StructField:
 
     name: str
     kind: str
-    struct: StructType | None = None
+    struct: "StructType | None" = None
     count: int = 1
     is_array: bool = False
 

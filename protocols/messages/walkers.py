@@ -5,8 +5,6 @@ The time of measurement is header.stamp, stamp or timestamp, if present. Message
 be read is a ValueError.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import struct
@@ -30,7 +28,7 @@ class NumericMessage:
 
     stamp_ns: int = 0
     of: dict[str, float] = field(default_factory=dict)
-    rows: list[NumericMessage] = field(default_factory=list)
+    rows: "list[NumericMessage]" = field(default_factory=list)
 
     def put(self, path: str, value: Any) -> None:
         """Store one value, if it is a number."""

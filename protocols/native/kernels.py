@@ -17,8 +17,6 @@ Rules for the functions themselves (protocols/native/compiler/translate.py names
     - An argument of another type or layout than the signature's is a TypeError.
 """
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import hashlib
@@ -59,7 +57,7 @@ class ArrayType:
 
 @dataclass(frozen=True)
 class TupleType:
-    kinds: tuple[Kind, ...]
+    kinds: "tuple[Kind, ...]"
 
 
 Kind = NumberType | ArrayType | TupleType
@@ -151,7 +149,7 @@ class Kernel:
         self.native: Any = None
         self.name = f"{function.__module__}.{function.__qualname__}"
 
-    def callees(self) -> dict[str, Kernel | LibraryFunction]:
+    def callees(self) -> "dict[str, Kernel | LibraryFunction]":
         """The kernels and library functions that it calls, by the names it uses for them."""
         values = self.function.__globals__
         known = {name: kernel_of(values.get(name)) for name in self.function.__code__.co_names}

@@ -13,8 +13,6 @@ Rules for editing: adding a message is adding a row; a row never holds code. `do
 field whose wire unit differs from the displayed one carries `scale`, shown = wire × scale + bias.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -125,7 +123,7 @@ class Field:
     axes: tuple[str, ...] = ()
     choices: Mapping[int, str] = field(default_factory=lambda: NO_CHOICES)
     bits: tuple[Bits, ...] = ()
-    fields: tuple[Field, ...] = ()
+    fields: "tuple[Field, ...]" = ()
     decimals: int = -1
     period: float = 0.0
     title: str = ""

@@ -25,8 +25,6 @@ Values here are wire values: unscaled numbers, fixed point as the exact float64.
 Rules for editing: a field whose shape begins with -1 takes the rest of the payload, so it comes last.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Iterator, Mapping, Sequence
@@ -280,7 +278,7 @@ class Layout:
         self.readers = {field.name: _FieldReader(field, pieces, size) for field, pieces in places}
 
     @classmethod
-    def of(cls, fields: Sequence[Field]) -> Layout:
+    def of(cls, fields: Sequence[Field]) -> "Layout":
         """The layout of consecutive fields; their shapes are closed (see `form_for_size`)."""
         places: list[Place] = []
         at = 0
@@ -289,7 +287,7 @@ class Layout:
             at += size_of(field)
         return cls(places, at)
 
-    def columns(self, rows: NDArray[np.uint8]) -> LazyColumns:
+    def columns(self, rows: NDArray[np.uint8]) -> "LazyColumns":
         """Columns of gathered frames, (n, size) uint8, contiguous."""
         return LazyColumns(self, rows)
 

@@ -10,8 +10,6 @@ the drive are turns about a fixed place; time 0 is power-on.
 Rules for editing: as trajectory.py; a motion gives force, rate and field that belong together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -62,7 +60,7 @@ class SensorSetup:
     mount: float = 0.0
 
     @classmethod
-    def of(cls, options: Mapping[str, Any]) -> SensorSetup:
+    def of(cls, options: Mapping[str, Any]) -> "SensorSetup":
         """The setup that the options of a request describe."""
         return cls(*(options[option.name] for option in SETUP_OPTIONS))
 

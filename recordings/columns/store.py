@@ -19,8 +19,6 @@ Stores are a cache: written to a temporary folder and renamed, never changed aft
 can be read while it is being made (`ColumnStoreWriter.show`): blocks are only added, and the index is replaced whole.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -172,7 +170,7 @@ class ColumnStoreWriter:
         self._name(manifest)
         return self._temporary
 
-    def finish(self, manifest: Mapping[str, Any]) -> ColumnStore:
+    def finish(self, manifest: Mapping[str, Any]) -> "ColumnStore":
         """Write the remaining rows and the manifest; afterwards the store exists.
 
         Raises:

@@ -15,8 +15,6 @@ Messages of different topics are interleaved by time, in compressed and indexed 
 million messages, so their records are built column by column: Arrow joins texts, one sort orders the topics.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence

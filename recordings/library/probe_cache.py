@@ -30,7 +30,7 @@ class ProbeCache:
     def of(self, path: Path) -> RecordingProbe | None:
         """Metadata of a file; None unless it is a recording, or has the suffix of one and was not read yet."""
         suffix = path.suffix.lower()
-        unread = RecordingProbe(suffix[1:], is_read=False) if suffix in ALWAYS_LISTED else None
+        unread = RecordingProbe(suffix[1:]) if suffix in ALWAYS_LISTED else None
         return self._probes.get(path, (NEVER, unread))[1]
 
     def may_be_recording(self, path: Path) -> bool:

@@ -37,7 +37,6 @@ class RecordingProbe:
         remark: sentences on parts that are left out, and on how the file was read; "" before it was opened.
         edits: changes made by the user, as stored in the file itself.
         is_archive: whether other files are in it.
-        is_read: False for a file that was only seen in its folder.
     """
 
     format: str
@@ -50,7 +49,6 @@ class RecordingProbe:
     edits: sidecar.Edits = field(default_factory=sidecar.Edits)
     markers: int = 0
     is_archive: bool = False
-    is_read: bool = True
 
     @property
     def may_be_table(self) -> bool:

@@ -9,8 +9,6 @@ A follower gets every read since it was created, however late it takes them: a m
 Creating, ending or extending a follower needs the lock; taking from one does not.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 
@@ -58,7 +56,7 @@ class ReadFollower:
         wake: called when there is a read after `sleep`.
     """
 
-    def __init__(self, memory: ReadMemory, take_count: int, sleep: Callable[[ReadFollower], bool]) -> None:
+    def __init__(self, memory: ReadMemory, take_count: int, sleep: "Callable[[ReadFollower], bool]") -> None:
         self.memories = deque([memory])
         self.take_count = take_count
         self._sleep = sleep

@@ -15,8 +15,6 @@ is skipped and reported; data after it is read.
 Source: MCAP specification, "Records".
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import mmap
@@ -113,7 +111,7 @@ class McapReader:
         with contextlib.suppress(BufferError):
             self._map.close()
 
-    def __enter__(self) -> McapReader:
+    def __enter__(self) -> "McapReader":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -6,8 +6,6 @@ entry-point group `imuscope.readers` of another package. docs/add-a-reader.md ex
 A reader is found by the first bytes of a file, and only if no reader knows these, by its suffix.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +32,7 @@ class OpenRequest:
     """
 
     path: Path
-    open_packed: Callable[[Path, str, TableOptions], Source]
+    open_packed: "Callable[[Path, str, TableOptions], Source]"
     protocol: str = ""
     table: TableOptions = field(default_factory=TableOptions)
     is_packed: bool = False

@@ -5,10 +5,11 @@ them in a library must not keep a server from starting, so everything that is fo
 """
 
 import errno
+import json
 import os
 import stat
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 _NO_WAITING = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
@@ -33,6 +34,15 @@ def read_regular(path: Path) -> bytes:
     """All bytes of a file. Raises as `open_regular` does."""
     with open_regular(path) as file:
         return file.read()
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """The JSON object in a file; {} if it cannot be read, or has something else."""
+    try:
+        content = json.loads(read_regular(path))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
 
 
 def readable_name(path: Path) -> str:

@@ -9,8 +9,6 @@ Columns are grouped into channels by name: `Acceleration.x`, `acc_x` and `accX` 
 `Gyroscope x`, `ax`, `x_acc`, `gyro[0]` to `gyro[2]`, and plain `x`, `y`, `z`; w goes with these three.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,7 +52,7 @@ class ColumnHeading:
     frame: str = ""
 
     @classmethod
-    def of(cls, text: str) -> ColumnHeading:
+    def of(cls, text: str) -> "ColumnHeading":
         """The heading in a cell."""
         whole = text.strip().strip("\ufeff")
         plain = whole.translate(_WIDE)

@@ -12,8 +12,6 @@ Times that are not since 1970 are counted from the date in the file's name, else
 `arrival` beside them is taken as the arrival time. A cell that is not a number is empty, and reported.
 """
 
-from __future__ import annotations
-
 import codecs
 import io
 import re
@@ -95,7 +93,7 @@ class TableSource:
 
     timed = True
     axis: TimeAxis | None = None
-    members: Sequence[TableSource] = ()
+    members: Sequence["TableSource"] = ()
 
     def __init__(self, path: Path, format_name: str) -> None:
         self.path, self.format = path, format_name
@@ -282,7 +280,7 @@ class CsvSource(TableSource):
 
     def _batches(
         self, names: Sequence[str], odd: list[Any], damage: list[FileDamage] | None = None
-    ) -> Iterator[pa.RecordBatch]:
+    ) -> "Iterator[pa.RecordBatch]":
         """Columns of the table as text."""
         import pyarrow as pa
         import pyarrow.csv
@@ -314,7 +312,7 @@ class CsvSource(TableSource):
                 noted.append(FileDamage(-1, words))
 
     def _converted(
-        self, batch: pa.RecordBatch, axis: TimeAxis, parsed: int, known_before: int, done: float
+        self, batch: "pa.RecordBatch", axis: TimeAxis, parsed: int, known_before: int, done: float
     ) -> tuple[TableRows, int]:
         """Rows of a batch, and how many it had."""
         clock, decimal = axis.clock, self.form.decimal
@@ -355,7 +353,7 @@ class CsvSource(TableSource):
         segment = None if self._segment is None else numbers(batch.column(self._segment), decimal).values[known]
         return TableRows(self.path.stem, time, arrival, columns, done, frames, segment), len(batch)
 
-    def _arrivals(self, column: pa.Array, axis: TimeAxis) -> Floats:
+    def _arrivals(self, column: "pa.Array", axis: TimeAxis) -> Floats:
         assert self.arrival_column is not None
         unit = SPELLINGS.get(self.headings[self.arrival_column].unit.lower(), "")
         factor = UNITS[unit] if unit else axis.clock.factors[-1] if axis.clock.kind == "number" else 1.0

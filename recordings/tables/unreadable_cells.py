@@ -1,7 +1,5 @@
 """Cells of a table that are not numbers: named by column and row, or as columns of text that are left out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
@@ -36,7 +34,7 @@ class UnreadableCells:
         self._numeric.clear()
         self._rounded.clear()
 
-    def note(self, column: int, texts: pa.Array, cells: Cells, before: int) -> None:
+    def note(self, column: int, texts: "pa.Array", cells: Cells, before: int) -> None:
         """Take note of a block of a column, `before` rows of which were read before."""
         if column not in self._numeric and np.isfinite(cells.values).any():
             self._numeric.add(column)

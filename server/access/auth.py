@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
 from imuscope.server.access.login_throttle import MIN_UNGUESSABLE_CHARS, LoginThrottle
-from imuscope.server.access.route_rules import SAFE_METHODS, RouteRules
+from imuscope.server.access.route_rules import FILES, SAFE_METHODS, RouteRules
 from imuscope.server.access.security_headers import WEBHOOK_HEADER, with_defaults
 from imuscope.server.errors import DomainError, status_of
 from imuscope.server.settings.config import Config, is_loopback
@@ -54,8 +54,6 @@ Role = Literal["view", "control"]
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
 MAX_BODY = 1024 * 1024
 ON_ROBOT = re.compile(r"/robots/[^/]+(/(?:api|ws)(?:/.*)?)\Z", re.DOTALL)
-UPLOAD = ("PUT", "/api/recordings/upload")  # the only body that is not JSON: a recording, up to `upload_gb`
-UPLOAD_TYPE = "application/octet-stream"
 COOKIE_AGE_S = 90 * 24 * 3600
 
 
@@ -174,7 +172,7 @@ class Access:
         if role == "view" and place and self.operators is not None:
             role = "control" if self.operators.may_command(self._token(headers, query_token), place) else "view"
         if changes:
-            self._check_body(headers, upload=(method, path) == UPLOAD)
+            _check_body(headers, is_file=(method, path) in FILES)
             if role != "control" and self.routes.is_command(method, path):
                 raise self._view_only(headers, query_token)
         return role
@@ -236,22 +234,6 @@ class Access:
         hint = "Open the address that the server printed when it started; it carries the token."
         raise RefusedError("no-token", "This server asks for a token.", hint)
 
-    def _check_body(self, headers: Mapping[str, str], *, upload: bool = False) -> None:
-        length = headers.get("content-length", "0")
-        has_body = length != "0" or "transfer-encoding" in headers
-        kind = headers.get("content-type", "").partition(";")[0].strip().lower()
-        if upload and has_body and kind != UPLOAD_TYPE:
-            hint = f"Send it with Content-Type: {UPLOAD_TYPE}."
-            raise RefusedError("not-a-file", "The upload has the wrong content type.", hint)
-        if has_body and not upload and kind != "application/json":
-            raise RefusedError("not-json", "A body must be JSON.", "Send it with Content-Type: application/json.")
-        most = round(self.config.upload_gb * 1e9) if upload else MAX_BODY
-        if not length.isascii() or not length.isdigit() or int(length) > most:
-            hint = "Raise upload_gb in the configuration file, or copy the file into the recordings folder."
-            raise RefusedError("too-large", f"The body may have at most {most} bytes.", hint if upload else "")
-        if "transfer-encoding" in headers:
-            raise RefusedError("no-length", "A body needs a length.", "Send it with Content-Length.")
-
     @property
     def cookie_name(self) -> str:
         """Name with the port: cookies ignore ports, and two servers on one host must not overwrite each other's."""
@@ -263,6 +245,22 @@ class Access:
         except CookieError:
             return ""
         return morsel.value if morsel is not None else ""
+
+
+def _check_body(headers: Mapping[str, str], *, is_file: bool) -> None:
+    """Refuse a body without a length; except for a file, also one that is not JSON or is larger than `MAX_BODY`."""
+    length, in_pieces = headers.get("content-length", "0"), "transfer-encoding" in headers
+    if (length != "0" or in_pieces) and not is_file and content_type(headers) != "application/json":
+        raise RefusedError("not-json", "A body must be JSON.", "Send it with Content-Type: application/json.")
+    if in_pieces:
+        raise RefusedError("no-length", "A body needs a length.", "Send it with Content-Length.")
+    if not is_file and (not length.isascii() or not length.isdigit() or int(length) > MAX_BODY):
+        raise RefusedError("too-large", f"A body may have at most {MAX_BODY} bytes.", "Send it in smaller parts.")
+
+
+def content_type(headers: Mapping[str, str]) -> str:
+    """The media type of a body, in lower case and without parameters; "" if it is not given."""
+    return headers.get("content-type", "").partition(";")[0].strip().lower()
 
 
 def _bearer(headers: Mapping[str, str]) -> str:

@@ -1,10 +1,13 @@
-"""Rules of routes: which paths need a token, and which requests change nothing, although they are POST."""
+"""Rules of routes: which paths need a token, which requests carry files, and which change nothing although they are
+POST.
+"""
 
 import re
 from collections.abc import Iterable
 
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 PLACES = ("/api", "/ws", "/metrics", "/openapi.json", "/extensions")
+FILES = (("PUT", "/api/recordings/upload"),)  # whose bodies are not JSON: they check type and size themselves
 READ_ONLY_POSTS = tuple(f"/api/devices/{{device}}/{what}" for what in ("preview", "fit-rates", "compare"))
 
 

@@ -1,7 +1,5 @@
 """Routes of devices: list, open, close, retry, change the decode options."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Sequence
 from pathlib import Path

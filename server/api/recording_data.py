@@ -35,7 +35,8 @@ from imuscope.server.library.range_query import (
     stored_values,
 )
 from imuscope.server.library.recorded_settings import settings_of
-from imuscope.server.library.recording_detail import as_json, channels_of, detail
+from imuscope.server.library.recording_detail import channels_of, detail
+from imuscope.server.wire.codec import to_json_safe
 
 router = lazy_router(tags=["recordings"])
 
@@ -63,7 +64,6 @@ TABLE: dict[int | str, dict[str, Any]] = {
     **responses(404, 422),
 }
 
-Recording = Annotated[str, "id of a recording"]
 Time = Annotated[float | None, Query(description="unix seconds")]
 Width = Annotated[int, Query(ge=0, le=MAX_WIDTH, description="buckets wanted; 0 for every row")]
 Format = Annotated[Literal["arrow", "json"], Query(alias="format")]
@@ -110,7 +110,7 @@ async def get_recording(recording: str, request: Request, services: TheServices,
     with recording_errors(recording):
         await catalogue.entry(recording)
     body = await asyncio.to_thread(lambda: detail(catalogue.info(recording), store, catalogue.markers(recording)))
-    return JSONResponse(as_json(body), headers={"cache-control": "no-store"})
+    return JSONResponse(to_json_safe(body), headers={"cache-control": "no-store"})
 
 
 @router.get(

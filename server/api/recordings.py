@@ -18,6 +18,7 @@ from imuscope.recordings.library.library import NamingError
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.recordings.system.atomic_write import open_private
 from imuscope.server import wire
+from imuscope.server.access.auth import content_type
 from imuscope.server.api.dependencies import TheServices, user_of, while_connected
 from imuscope.server.api.errors import bytes_of, check_length, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
@@ -59,6 +60,19 @@ async def list_recordings(
     return await services.catalogue.all(q)
 
 
+def upload_length(request: Request, services: TheServices) -> int:
+    """Bytes of an upload; DomainError: it is not sent as a file, or is too large."""
+    length, most = int(request.headers.get("content-length", "0")), round(services.config.upload_gb * 1e9)
+    if length and content_type(request.headers) != BYTES:
+        raise DomainError(
+            "not-a-file", "The upload has the wrong content type.", f"Send it with Content-Type: {BYTES}."
+        )
+    if length > most:
+        hint = "Raise upload_gb in the configuration file, or copy the file into the recordings folder."
+        raise DomainError("too-large", f"The upload may have at most {most} bytes.", hint)
+    return length
+
+
 @router.put(
     "/upload",
     status_code=201,
@@ -66,10 +80,12 @@ async def list_recordings(
     openapi_extra={"requestBody": {"required": True, "content": bytes_of(BYTES)[200]["content"]}},
 )
 async def upload(
-    request: Request, services: TheServices, name: Annotated[str, Query(min_length=1, max_length=400)]
+    request: Request,
+    services: TheServices,
+    length: Annotated[int, Depends(upload_length)],
+    name: Annotated[str, Query(min_length=1, max_length=400)],
 ) -> RecordingInfo:
     """Upload a file of any readable format; the body is the file (application/octet-stream)."""
-    length = int(request.headers.get("content-length", "0"))
     try:
         path = await asyncio.to_thread(services.catalogue.library.incoming, name)
     except RecordingError as error:

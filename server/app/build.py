@@ -1,7 +1,5 @@
 """Assembly of the server: configuration in, ASGI application out. No logic here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -30,7 +28,7 @@ def create_app(
     timings: ViewerTimings | None = None,
     brought: Sequence[object] = (),
     has_devices: bool = True,
-) -> ASGIApp:
+) -> "ASGIApp":
     """The application, guarded.
 
     Args:

@@ -1,7 +1,5 @@
 """Argument parsers of the command line. Nothing is done here."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys
@@ -78,7 +76,7 @@ PROTOCOL_HELP = {
 class _Parser(argparse.ArgumentParser):
     """Report errors in one line, as all commands do. Options may stand anywhere among the arguments."""
 
-    commands: dict[str, _Parser]
+    commands: "dict[str, _Parser]"
 
     def error(self, message: str) -> NoReturn:
         print(f"imuscope: {message}. See `{self.prog} --help`.", file=sys.stderr)

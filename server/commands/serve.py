@@ -1,7 +1,5 @@
 """`imuscope serve`: check the settings, open the port, serve the page until stopped."""
 
-from __future__ import annotations
-
 import argparse
 import errno
 import os
@@ -48,7 +46,7 @@ def serve(options: argparse.Namespace) -> None:
     run(_config(options), create_app)
 
 
-def run(config: Config, create: Callable[[Config, Access], ASGIApp], *, is_robot: bool = True) -> None:
+def run(config: Config, create: "Callable[[Config, Access], ASGIApp]", *, is_robot: bool = True) -> None:
     """Serve an application until stopped.
 
     Args:
@@ -144,7 +142,7 @@ def _check_extensions(config: Config) -> None:
         raise UsageError(str(error)) from None
 
 
-def _print_addresses(config: Config, access: Access, url: str, fingerprint: str, is_robot: bool) -> None:
+def _print_addresses(config: Config, access: "Access", url: str, fingerprint: str, is_robot: bool) -> None:
     """Print the address of the page, its tokens and start-up warnings."""
     from imuscope.server.access.login_throttle import MIN_UNGUESSABLE_CHARS, short_tokens
 

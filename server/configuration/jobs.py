@@ -158,7 +158,7 @@ class Jobs:
             record = self._record(controller, change, cuts)
             record.held = [name for name in change.todo if name in change.held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
-                await controller.member.access.check_rate(baud)  # also reports a far end that must be set by hand
+                await controller.member.access.link.check_rate(baud)  # also reports a far end that must be set by hand
             written = await RollbackRun(running, self._rollbacks, record, self._timings).apply()
         else:
             written = await self._write_in_place(running, change)

@@ -11,8 +11,6 @@ sent nothing; one that another program or a user takes over is left to them. Set
 back by server/configuration/rollback.py.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import json
@@ -111,7 +109,7 @@ class PutBackTask:
 
     def __init__(
         self,
-        controller: DeviceController,
+        controller: "DeviceController",
         store: PutBackStore,
         timings: ConfigurationTimings,
         *,

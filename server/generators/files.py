@@ -1,6 +1,5 @@
 """Shared parts of the commands that generate files from the server."""
 
-import sys
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -22,15 +21,9 @@ def document() -> dict[str, Any]:
     return guarded.app.framework().openapi()
 
 
-def write(files: Iterable[tuple[Path, str]], arguments: list[str], module: str) -> int:
-    """Write the files, or with --check only say which are stale; returns the exit status."""
-    stale = 0
+def write(files: Iterable[tuple[Path, str]]) -> None:
+    """Write the files that are not there, or differ."""
     for path, text in files:
-        if "--check" not in arguments:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
             print(path)
-        elif not path.exists() or path.read_text(encoding="utf-8") != text:
-            print(f"{path} is stale: run python -m imuscope.server.{module}", file=sys.stderr)
-            stale = 1
-    return stale

@@ -5,7 +5,7 @@
 
 A client names a route, and its parameters, body and answer are type-checked (web/src/requests/http.ts). In a body,
 fields with a default may be left out. A body or an answer that is not JSON is a Blob, text is a string, no content is
-undefined. `python -m imuscope.server.generators.ts_types` writes the file. A schema without a rule here is an error,
+undefined. `python -m imuscope.server.generators` writes the file. A schema without a rule here is an error,
 not a guess.
 """
 
@@ -197,7 +197,5 @@ def generate(sources: Sources) -> str:
     Args:
         sources: types that other files export.
     """
-    about = (
-        "Routes of the HTTP API. Generated from its OpenAPI document by `python -m imuscope.server.generators.ts_types`"
-    )
+    about = "Routes of the HTTP API. Generated from its OpenAPI document by `python -m imuscope.server.generators`"
     return f"/** {about}; do not edit. */\n\n" + _Writer(document(), sources).text()

@@ -7,8 +7,6 @@ HTTP answers, but it can use a WebSocket. So each request needs a secret in a he
 generated for each process and passed on its standard input: no command line, environment or file contains it.
 """
 
-from __future__ import annotations
-
 import hmac
 import secrets
 from collections.abc import Iterator, Mapping
@@ -53,7 +51,7 @@ def require_secret(secret: str) -> Iterator[None]:
     serve = websockets.asyncio.server.serve
 
     def serve_us(handler: Any, host: str, port: int, *, process_request: Any = None, **options: Any) -> Any:
-        def check_secret(connection: ServerConnection, request: Request) -> Response | None:
+        def check_secret(connection: "ServerConnection", request: "Request") -> "Response | None":
             if not has_secret(request.headers, secret):
                 return connection.respond(HTTPStatus.FORBIDDEN, "Open it through imuscope.\n")
             answer: Response | None = process_request(connection, request) if process_request else None

@@ -6,8 +6,6 @@ payloads    unknown payloads, also for exports (recordings/columns/payloads.py)
 events      a bounded number for each device
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -67,7 +65,7 @@ class RecordingSink(EventSink):
         self._bytes = PayloadsWriter(writer.temporary)
 
     @property
-    def archive(self) -> RecordingSink:
+    def archive(self) -> "RecordingSink":
         """The sink itself, which stores the data for exports."""
         return self
 

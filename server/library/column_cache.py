@@ -17,7 +17,6 @@ import asyncio
 import contextlib
 import hashlib
 import json
-import logging
 import os
 import shutil
 import time
@@ -37,8 +36,6 @@ from imuscope.server.library.cache_provenance import CHANGED, is_stale
 from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.library.foreign_files import MALICIOUS
 from imuscope.server.system.workers import Worker
-
-log = logging.getLogger("imuscope.columns")
 
 KEPT_OPEN = 16
 MAX_DECODING = (

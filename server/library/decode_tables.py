@@ -4,8 +4,6 @@ There are no bytes, so no decoder, clock mapping or losses: times are taken from
 its heading.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -128,7 +126,7 @@ def _are_whole(column: NDArray[np.float64]) -> bool:
 
 
 def decode_tables(
-    source: TableSource, writer: ColumnStoreWriter, progress: Callable[[float], None], showing: ProgressPublisher
+    source: TableSource, writer: ColumnStoreWriter, progress: Callable[[float], None], showing: "ProgressPublisher"
 ) -> ColumnStore:
     """Write the tables of a file into a store, publishing partial results.
 

@@ -11,7 +11,6 @@ after that day.
 
 import asyncio
 import contextlib
-import logging
 import shutil
 import time
 from collections.abc import Mapping
@@ -30,8 +29,6 @@ from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.streaming.bus import TelemetryBus
 from imuscope.server.system.workers import Worker
-
-log = logging.getLogger("imuscope.exports")
 
 FOLDER = "exports"
 LAST_DATE = 253_402_300_800.0  # the year 10000

@@ -114,7 +114,7 @@ class Recorder:
         self.pinned_in_file: quota.PinnedInFile = lambda path: True
         self.signals = signals
         self._wall_ns = wall_ns
-        self._bus = bus
+        self._bus, self.now = bus, bus.now
         self._sessions = sessions
         self._controllers = controllers
         self.compactor = compactor
@@ -259,10 +259,6 @@ class Recorder:
             raise DomainError("not-now", "No recording is running.", hint)
         now.mark(mark)
         return self.state
-
-    def now(self) -> float:
-        """Unix time without steps, s."""
-        return self._bus.now()
 
     @property
     def state(self) -> wire.RecorderState:

@@ -13,7 +13,6 @@ from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.devices.decode.protocol_set import sensors_of
 from imuscope.server.library.api_models import RecordingDetail, RecordingInfo
 from imuscope.server.wire import BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, EventInfo
-from imuscope.server.wire import codec as wire_codec
 
 
 def channel_info(manifest: Mapping[str, Any]) -> ChannelInfo:
@@ -85,11 +84,6 @@ def begins(store: ColumnStore) -> dict[str, float]:
         if info.kind != "table" and (span := store.span(number)) is not None:
             times[info.device] = min(times.get(info.device, math.inf), span[0])
     return times
-
-
-def as_json(detail: RecordingDetail) -> Any:
-    """JSON form of the details."""
-    return wire_codec.to_json_safe(detail)
 
 
 def _usual_interval(columns: ColumnStore, channel: int) -> float:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_object
 from imuscope.server.errors import DomainError
 from imuscope.server.wire import DeviceInfo, key_of
 
@@ -99,13 +100,7 @@ class SignalDefinitions:
             listener()
 
     def _read(self) -> dict[str, list[SignalDefinition]]:
-        try:
-            content = json.loads(self._path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return {}
-        if not isinstance(content, dict):
-            return {}
-        return {str(key): definitions_in(rows) for key, rows in content.items()}
+        return {str(key): definitions_in(rows) for key, rows in read_object(self._path).items()}
 
 
 def definitions_in(rows: Any) -> list[SignalDefinition]:

@@ -12,7 +12,6 @@ missing, as far as it is in memory.
 
 import asyncio
 import contextlib
-import logging
 import shutil
 import time
 from collections.abc import Awaitable, Callable
@@ -22,8 +21,6 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.server import wire
 from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.errors import DomainError
-
-log = logging.getLogger("imuscope.recorder")
 
 FIRST_S, LONGEST_S = 5.0, 300.0
 CHECK_S = 1.0

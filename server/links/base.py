@@ -30,8 +30,6 @@ loop.
 offset fixed once (`steady_clock`), so that a step of the wall clock never makes time run backwards within a session.
 """
 
-from __future__ import annotations
-
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -261,7 +259,7 @@ class Link(ABC):
         await self.close()
         await self.open()
 
-    def distinguish(self, others: Iterable[Link]) -> None:  # noqa: B027 - only simulators can
+    def distinguish(self, others: "Iterable[Link]") -> None:  # noqa: B027 - only simulators can
         """Differ from other links of its kind, before it is opened: a simulator has a serial number of its own."""
 
     async def check_rate(self, baud: int) -> None:

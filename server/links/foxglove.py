@@ -16,8 +16,6 @@ is read from the environment variable IMUSCOPE_FOXGLOVE_TOKEN.
 Source: Foxglove WebSocket protocol v1 (foxglove/ws-protocol, docs/spec.md).
 """
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import binascii
@@ -200,7 +198,7 @@ class FoxgloveLink(MessageLink):
             return f"{self.where.place} sent a message of more than {MAX_MESSAGE_BYTES >> 20} MB."
         return f"The connection to {self.where.place} broke."
 
-    async def _connect(self) -> ClientConnection:
+    async def _connect(self) -> "ClientConnection":
         """Connect, at the first path that has the protocol.
 
         Raises:
@@ -268,7 +266,7 @@ class FoxgloveLink(MessageLink):
     def _is_own(self) -> bool:
         return self.where.host in LOCAL_HOSTS and is_ours(self.where.port)
 
-    async def _on_text(self, connection: ClientConnection, text: str, opened: Future[str]) -> None:
+    async def _on_text(self, connection: "ClientConnection", text: str, opened: Future[str]) -> None:
         try:
             message = json.loads(text)
             match message["op"]:

@@ -8,8 +8,6 @@ first message of each, again every two seconds, for a decoder that starts later,
 Such a source has no bytes, counters or status of a device, and nothing can be sent to it.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Sequence
@@ -60,7 +58,7 @@ class TopicSource:
         return place_of(self.host, self.port)
 
     @classmethod
-    def parse(cls, parsed: SourceUrl, default_port: int) -> TopicSource:
+    def parse(cls, parsed: SourceUrl, default_port: int) -> "TopicSource":
         """Read the address.
 
         Raises:

@@ -6,8 +6,6 @@ Whatever the file was made to do happens to that process, which has limits and e
 socket that only the playing thread reads.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import socket
@@ -49,7 +47,7 @@ class PlayedFile:
         self._preambles: Mapping[str, str] = {}
 
     @classmethod
-    async def start(cls, path: Path) -> PlayedFile:
+    async def start(cls, path: Path) -> "PlayedFile":
         """Start the process. OSError: it cannot be started."""
         ours, theirs = socket.socketpair()
         with theirs:

@@ -4,8 +4,6 @@ Each file of `server/links/` that defines a kind registers it on import, and so 
 declares in the entry-point group `imuscope.links`. docs/add-a-link.md describes how to write one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -42,7 +40,7 @@ class LinkDefinition:
 
     name: str
     title: str
-    open: Callable[[str, LinkSettings, SourceUrl], Link]
+    open: "Callable[[str, LinkSettings, SourceUrl], Link]"
     form: str
     scheme: str = ""
     short_form: str = ""

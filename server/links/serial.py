@@ -21,8 +21,6 @@ Sources: termios(3), tty_ioctl(4); Linux drivers/usb/serial/ftdi_sio.c (attribut
 xsenssupport/Xsens_MTi_ROS_Driver_and_Ntrip_Client issue 53.
 """
 
-from __future__ import annotations
-
 import asyncio
 import errno
 import os
@@ -68,7 +66,7 @@ class SerialSettings:
     flow: str = "none"
 
     @classmethod
-    def of(cls, source: SourceUrl) -> SerialSettings:
+    def of(cls, source: SourceUrl) -> "SerialSettings":
         """The options of a serial source.
 
         Raises:

@@ -4,8 +4,6 @@ The grammar of the options is in server/links/simulator.py, which puts a device 
 family are in its SimulatorInfo.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -56,7 +54,7 @@ class SimulatorOptions:
     own: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, source: SourceUrl) -> SimulatorOptions:
+    def of(cls, source: SourceUrl) -> "SimulatorOptions":
         """Read a simulator source.
 
         Raises:
@@ -192,7 +190,7 @@ class SharedLine:
         """Time of the next message of any of them; 0 if unknown."""
         return min(one.next_ns for one in self.members)
 
-    def repowered(self, start_ns: int) -> SharedLine:
+    def repowered(self, start_ns: int) -> "SharedLine":
         """The same devices after a power cycle of all of them."""
         return SharedLine([power_cycled(one, start_ns, _never) for one in self.members])
 

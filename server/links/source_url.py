@@ -14,8 +14,6 @@ An IPv6 address is written in brackets: `tcp://[fe80::1]:4001`. An invalid sourc
 the field, its value and the allowed values; nothing is guessed.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import stat
@@ -72,7 +70,7 @@ class SourceUrl:
     options: Mapping[str, str]
 
     @classmethod
-    def parse(cls, text: str) -> SourceUrl:
+    def parse(cls, text: str) -> "SourceUrl":
         """Parse `text`. Whether the port or file exists is checked when it is opened.
 
         Raises:
@@ -101,7 +99,7 @@ class SourceUrl:
             raise bad(text, f"nothing follows {name!r}")
         return cls(text, schemes[name], unquote(place), options)
 
-    def same_place(self, other: SourceUrl) -> bool:
+    def same_place(self, other: "SourceUrl") -> bool:
         """Whether both addresses open the same device. Different paths and rates of one port are the same device."""
         if self.text == other.text:
             return self.kind != "simulator"

@@ -13,15 +13,10 @@ are copied to the TypeScript. It converts
     @dataclass class X: a: int | None  into   export interface X { readonly a: number | null }
     @dataclass class X(Y): a: int      into   export interface X extends Y { readonly a: number }
 
-The binary header becomes constants: the offset of each field, the size of each dtype. A type without a rule here is an
-error, not a guess.
-
-    python -m imuscope.server.generators.ts_types            write the files
-    python -m imuscope.server.generators.ts_types --check    exit status 1 when one is stale
+A type without a rule here is an error, not a guess. `python -m imuscope.server.generators` writes the files.
 """
 
 import ast
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module
@@ -49,7 +44,6 @@ class Target:
         path: the file to write.
         about: subject of the types, for the file's comment.
         roots: names to include, with the types they consist of; (): every dataclass.
-        constants: text before the types.
         parts: modules whose types this one imports, and which have no file of their own; those used by others first.
     """
 
@@ -57,7 +51,6 @@ class Target:
     path: Path
     about: str
     roots: tuple[str, ...] = ()
-    constants: str = ""
     parts: tuple[ModuleType, ...] = ()
 
 
@@ -207,35 +200,12 @@ def _declarations(source: str, roots: tuple[str, ...]) -> Iterator[str]:
             yield f"export type {name} = {typescript_type(node.value)};\n"
 
 
-def _constants() -> str:
-    """The binary header as numbers: offsets from the start of a frame, in bytes."""
-    codes = wire.HEADER.format.lstrip("<")
-    offsets = [struct.calcsize("<" + codes[:i]) for i in range(len(codes))]
-    fields = "".join(
-        f"  {name}: {at},\n" for name, at in zip(wire.HEADER_FIELDS, offsets, strict=True) if name != "reserved"
-    )
-    sizes = "".join(f"  {dtype}: {int(dtype[1:])},\n" for dtype in wire.Dtype.__args__)  # type: ignore[attr-defined]
-    return (
-        f'export const SUBPROTOCOL = "{wire.SUBPROTOCOL}";\n'
-        f"export const OPCODE_SAMPLES = {wire.OPCODE_SAMPLES};\n"
-        "/** Bit of `flags`: history. Prepend it; the newest block is sent first, live frames may come between. */\n"
-        f"export const FLAG_HISTORY = {wire.FLAG_HISTORY};\n"
-        "/** Size of a sample frame's header in bytes; the columns follow. */\n"
-        f"export const HEADER_SIZE = {wire.HEADER.size};\n"
-        "/** Offset of each header field in a frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */\n"
-        f"export const HEADER = {{\n{fields}}} as const;\n"
-        "/** Bytes of one value of each dtype. */\n"
-        f"export const DTYPE_SIZE = {{\n{sizes}}} as const;\n"
-    )
-
-
 TARGETS = (
     Target(
         wire,
         PAGE / "wire" / "types.ts",
         "the wire",
         ("ServerText", "BrowserText"),
-        _constants(),
         (wire.channels, wire.devices, wire.events, wire.jobs, wire.recordings, wire.messages),
     ),
     Target(capabilities, PAGE / "wire" / "capability-types.ts", "what the server can do"),
@@ -250,7 +220,6 @@ def generate(target: Target) -> str:
     path = target.module.__name__.removeprefix("imuscope.").replace(".", "/") + (
         "/" if hasattr(target.module, "__path__") else ".py"
     )
-    origin = f"Generated from {path} by `python -m imuscope.server.generators.ts_types`; do not edit."
+    origin = f"Generated from {path} by `python -m imuscope.server.generators`; do not edit."
     made = f"/** Types of {target.about}. {origin} */\n"
-    constants = [target.constants] if target.constants else []
-    return "\n".join([made, *constants, *_declarations(source, target.roots)])
+    return "\n".join([made, *_declarations(source, target.roots)])

@@ -1,7 +1,5 @@
 """Parts of a server that its extensions bring: built from its services, started and closed with them."""
 
-from __future__ import annotations
-
 import asyncio
 import inspect
 from collections import Counter
@@ -50,7 +48,7 @@ class ServicePart:
     sends: bool = False
     metrics: Callable[[PrometheusText], None] | None = None
     viewed: Callable[[], None] = _nothing
-    serves: Callable[[ASGIApp], None] | None = None
+    serves: "Callable[[ASGIApp], None] | None" = None
 
 
 class Parts:
@@ -92,7 +90,7 @@ class Parts:
         """The service of that type; None without one."""
         return next((part.service for part in self._all if isinstance(part.service, kind)), None)
 
-    def serve(self, app: ASGIApp) -> None:
+    def serve(self, app: "ASGIApp") -> None:
         """Give the application to the parts that answer requests with it."""
         for part in self._all:
             if part.serves is not None:

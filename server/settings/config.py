@@ -38,8 +38,6 @@ An unknown name in the file is an error, because a mistyped token that is silent
 does not start.
 """
 
-from __future__ import annotations
-
 import ipaddress
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -199,7 +197,7 @@ class Config:
         """The settings of an extension."""
         return next((one for one in self.extensions if isinstance(one, kind)), None) or kind()
 
-    def having(self, settings: ExtensionSettings) -> Config:
+    def having(self, settings: ExtensionSettings) -> "Config":
         """This configuration with other settings of an extension."""
         others = [one for one in self.extensions if not isinstance(one, type(settings))]
         return replace(self, extensions=(*others, settings))

@@ -74,6 +74,7 @@ class ClientFanout:
     ) -> None:
         self.shedding = shedding or Shedding()
         self._bus, self._store, self._log, self.capabilities = bus, store, log, capabilities
+        self.now = bus.now
         self.history_lock = asyncio.Lock()
         self._queues: set[SendQueue] = set()
         self._browser_count = 0
@@ -101,10 +102,6 @@ class ClientFanout:
         bus.recorder.subscribe(lambda state: self._send_latest("recorder", state))
         bus.exports.subscribe(lambda state: self._send_latest("exports", state))
         bus.library.subscribe(lambda changed: self._send_latest("library", changed))
-
-    def now(self) -> float:
-        """The server's clock, unix s."""
-        return self._bus.now()
 
     # ── in: from the bus ─────────────────────────────────────────────────────────────────────────────────────────────
 

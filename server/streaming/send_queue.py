@@ -19,8 +19,6 @@ browsers.
 This file has no task and no clock: server/api/websocket.py sends the messages.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
@@ -58,7 +56,7 @@ class Packet:
     _ready: bytes = b""
 
     @staticmethod
-    def of(frames: Iterable[Frame], at: float = 0.0) -> Packet:
+    def of(frames: Iterable[Frame], at: float = 0.0) -> "Packet":
         stored = tuple(frames)
         return Packet(stored, b"".join([frame.data for frame in stored]), at)
 

@@ -1,7 +1,5 @@
 """Assembly of the streaming part of a server: store, event log, bus, clients."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -32,7 +30,7 @@ class Telemetry:
         budget: int = BUDGET_BYTES,
         reserved: Callable[[], int] = lambda: 0,
         capabilities: Capabilities | None = None,
-    ) -> Telemetry:
+    ) -> "Telemetry":
         """Create all parts, empty.
 
         Args:

@@ -3,8 +3,6 @@
 A checker of types sees those of typing; at run time only `NamedTuple` does anything.
 """
 
-from __future__ import annotations
-
 import _socket
 from collections import namedtuple
 
@@ -36,6 +34,6 @@ else:
 class Socket(_socket.socket):
     """socket.socket, as far as a holder uses it."""
 
-    def accept(self) -> tuple[Socket, Any]:
+    def accept(self) -> "tuple[Socket, Any]":
         fd, address = self._accept()  # type: ignore[attr-defined]  # which socket.accept calls too
         return Socket(fileno=fd), address

@@ -16,8 +16,6 @@ parser.
 Source: Prometheus documentation, "Exposition formats" and "Metric and label naming".
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from typing import Literal
@@ -55,7 +53,7 @@ class PrometheusText:
         self._head = ""
         self._name = ""
 
-    def family(self, name: str, kind: Kind, help_: str) -> PrometheusText:
+    def family(self, name: str, kind: Kind, help_: str) -> "PrometheusText":
         """Begin a family; the following samples belong to it."""
         self._name = name
         words = help_.replace("\\", "\\\\").replace("\n", "\\n")

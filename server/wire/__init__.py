@@ -2,8 +2,7 @@
 
 One WebSocket at `/ws`, subprotocol `imuscope.v1`, permessage-deflate off. Text frames are JSON objects with an `op`;
 binary frames carry samples. TypeScript types are generated from the dataclasses of this package (`python
--m imuscope.server.generators.ts_types` writes web/src/wire/types.ts; a test fails when it is stale), so fields are
-added only here.
+-m imuscope.server.generators` writes web/src/wire/types.ts, and the check does), so fields are added only here.
 
 ## Server to browser, text
 

@@ -49,7 +49,7 @@ def test_a_test_that_fails_once_and_passes_alone_has_failed(tmp_path: Path, caps
     assert "alone: 1 passed" in capsys.readouterr().out
 
 
-def test_a_failure_says_what_to_run_again(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failure_states_what_to_run_again(capsys: pytest.CaptureFixture[str]) -> None:
     check.report([parts.Outcome("pytest", 1, 2.0, 3.0, "1 failed", ("tests/test_x.py::test_y[a b]",))], 10**9)
     printed = capsys.readouterr().out
     assert "-m pytest 'tests/test_x.py::test_y[a b]'\n" in printed

@@ -62,7 +62,7 @@ def test_a_test_that_ends_its_process_is_named_and_the_others_run(tmp_path: Path
     assert "E       assert 1 == 2" in printed
 
 
-def test_the_first_failure_ends_all_workers_when_asked(tmp_path: Path) -> None:
+def test_the_first_failure_ends_all_workers_on_request(tmp_path: Path) -> None:
     (tmp_path / "test_fails.py").write_text("def test_fails():\n    assert False\n")
     (tmp_path / "test_waits.py").write_text("import signal\n\ndef test_waits():\n    signal.pause()\n")
     assert "1 failed" in run(tmp_path, "--workers", "2", "-x")

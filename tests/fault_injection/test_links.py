@@ -273,7 +273,7 @@ async def test_udp_silence_and_recovery() -> None:
             await until(lambda: here.health.lost == 5, "what did not come is counted")
 
 
-async def test_noise_after_a_silence_is_told() -> None:
+async def test_noise_after_a_silence_is_reported() -> None:
     """A device that restarts is silent first; if it then sends at another rate, that must not count as silence."""
     with pty() as port:
         async with stage(f"serial://{port.path}?baud=115200") as here:

@@ -73,7 +73,7 @@ def test_a_recording_is_whole_and_the_history_bounded_within_a_limit(tmp_path: P
 
 
 @each_row(("available", "expected"), [(256, 64), (100, 8), (1024, 256), (64_000, 256)])
-def test_a_history_without_room_is_smaller_and_the_start_says_so(
+def test_a_history_without_room_is_smaller_and_the_start_states_it(
     available: int, expected: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(resource_limits, "_memories", lambda: [available * MB])

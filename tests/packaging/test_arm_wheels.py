@@ -113,7 +113,7 @@ def test_nothing_is_compiled_on_arm(python: tuple[int, int], glibc: int) -> None
     assert missing == [], "no wheel for aarch64: lock another version, or say in WITHOUT what follows"
 
 
-def test_the_whole_installation_is_looked_at() -> None:
+def test_the_whole_installation_is_examined() -> None:
     names = {package["name"] for package in needed((3, 11), _lock()).values()}
     assert {"numpy", "pydantic-core", "pyarrow", "eclipse-zenoh", "deltalake", "requests", NODE, COMPILER} <= names
     assert not names & {"pytest", "ruff", "playwright", "colorama"}

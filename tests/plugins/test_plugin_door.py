@@ -74,7 +74,7 @@ def test_a_plug_in_of_another_version_is_refused_before_it_is_imported(
     )
 
 
-def test_an_earlier_plug_in_is_told_to_be_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_earlier_plug_in_is_refused_with_the_advice_to_renew_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "API_VERSION", 2)
     with pytest.raises(ValueError, match="Install a newer imuscope-mip"):
         ProtocolPlugin("mip", "imuscope_mip:FAMILY", "imuscope-mip 0.1.0", 1).check()

@@ -149,7 +149,7 @@ def test_doctor_names_what_cannot_be_used(site: Path, tmp_path: Path) -> None:
     )
 
 
-def test_what_cannot_be_used_says_why_and_stops_nothing() -> None:
+def test_what_cannot_be_used_gives_the_reason_and_stops_nothing() -> None:
     plugins = [
         ProtocolPlugin("gone", "imuscope_of_nobody:EXTENSION", "imuscope-gone 1.0"),
         ProtocolPlugin("other", "json:loads", "imuscope-other 1.0"),

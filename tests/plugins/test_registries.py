@@ -158,7 +158,7 @@ def test_the_command_line_lists_the_link(run: Callable[..., str]) -> None:
     assert "  repeat:HEX                      the same bytes, over and over\n" in shown
 
 
-def test_the_server_offers_both_and_the_page_is_told(server: ServerProcess) -> None:
+def test_the_server_offers_both_and_the_page_lists_them(server: ServerProcess) -> None:
     report = server.request("GET", "/api/capabilities")
     [names] = [one for one in report["exports"] if one["name"] == "names"]
     assert (names["title"], names["words"], names["single"]) == ("Names", "names of the channels", False)

@@ -213,7 +213,7 @@ def test_the_table_explains_codes_and_identifiers(tmp_path: Path) -> None:
     assert first["fields"] == {"code": 4}  # from which the frame is made again
 
 
-def test_bytes_that_belong_to_nothing_are_counted_with_the_place_to_look(tmp_path: Path) -> None:
+def test_bytes_that_belong_to_nothing_are_counted_with_the_place_to_search(tmp_path: Path) -> None:
     """Records that no decoder recognised vanished: no line, no reject, no word."""
     good = build(0x36, bytes.fromhex("1020020007"))
     path, notes = tmp_path / "a.bin", io.StringIO()

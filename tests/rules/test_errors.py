@@ -53,7 +53,7 @@ def test_no_message_contains_python_terms() -> None:
     assert not wrong, listed(wrong)
 
 
-def test_each_says_what_to_do() -> None:
+def test_each_states_what_to_do() -> None:
     wrong = [
         output
         for output in everything()

@@ -106,7 +106,7 @@ def test_messages_of_a_node_that_was_started_a_thousand_times_are_received() -> 
     assert len(set(numbers)) == MOST_COUNTED + 1
 
 
-def test_files_that_are_gone_are_not_remembered_as_looked_at(tmp_path: Path) -> None:
+def test_files_that_are_gone_are_not_remembered_as_examined(tmp_path: Path) -> None:
     clients: Any = SimpleNamespace(shedding=SimpleNamespace(draws_pictures=True))
     bus, library = Telemetry.create(lambda: 0.0).bus, ReadLibrary(tmp_path)
     catalogue = Catalogue(bus, clients, library, ColumnCache(tmp_path, library.path), ForeignFiles())

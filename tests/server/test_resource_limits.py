@@ -102,7 +102,7 @@ def test_idle_connections_leave_descriptors_for_recordings(tmp_path: Path) -> No
         block_until(lambda: answers(running), "there is room again")
 
 
-def test_an_idle_connection_makes_room_for_one_that_asks(tmp_path: Path) -> None:
+def test_an_idle_connection_makes_room_for_one_that_sends(tmp_path: Path) -> None:
     """Regression: a client with a thousand open connections and no token blocked all others, including /healthz."""
     with serving(tmp_path, most=20) as running:
         idle = [connected(running) for _ in range(40)]

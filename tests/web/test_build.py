@@ -147,7 +147,7 @@ def test_an_editable_installation_has_compiled_sources(build: ModuleType, monkey
     assert [path.name.partition(".")[0] for path in build.WEB.parent.rglob("*.pyc")] == ["app"]
 
 
-def test_machine_code_is_built_anew_after_a_pull_that_changed_a_kernel() -> None:
+def test_machine_code_is_built_again_after_a_pull_that_changed_a_kernel() -> None:
     """Regression: kernels that moved to files of another name were not, and decoding ran as plain Python."""
     keys = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["uv"]["cache-keys"]
     watched = {path for key in keys for path in ROOT.glob(key["file"])}

@@ -54,11 +54,11 @@ def test_each_promise_has_a_version() -> None:
 
 
 @each_row("name", DECLARED)
-def test_a_promise_names_the_version_that_is_said(name: str) -> None:
+def test_a_promise_names_the_version_that_is_reported(name: str) -> None:
     assert PROMISES[name][1] == DECLARED[name] or (name in OF_EXTENSIONS and not DECLARED[name])
 
 
-def test_the_http_api_says_the_release_and_the_wire() -> None:
+def test_the_http_api_states_the_release_and_the_wire() -> None:
     openapi = generated_files.document()
     assert openapi["info"]["version"] == VERSION
     assert {"version", "wire"} <= set(openapi["components"]["schemas"]["Build"]["required"])

@@ -65,7 +65,7 @@ def test_parquet_has_the_bytes(opened: ColumnStore, tmp_path: Path) -> None:
     assert made["x_Imu3Gyr.parquet"]["Imu3GyrRest"].to_pylist() == REST
 
 
-def test_mcap_has_the_bytes_as_its_schema_says(opened: ColumnStore, tmp_path: Path) -> None:
+def test_mcap_has_the_bytes_as_its_schema_states(opened: ColumnStore, tmp_path: Path) -> None:
     (made,) = export("mcap", ExportRequest(opened), tmp_path / "x.mcap")
     results: dict[str, list[bytes]] = {}
     with made.open("rb") as file:

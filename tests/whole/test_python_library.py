@@ -109,7 +109,7 @@ def test_a_step_of_the_clock_begins_a_segment(table: Path) -> None:
         assert [event.data["by_s"] for event in recording.events if event.data.get("kind") == "back"] == [-2.0]
 
 
-def test_what_could_not_be_read_is_said(tmp_path: Path) -> None:
+def test_what_could_not_be_read_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time (s),a,note\n1500000000,1,on\n1500000001,x,on\n1500000002,3,off\n")
     with imuscope.open(path) as recording:

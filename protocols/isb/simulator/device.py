@@ -20,8 +20,6 @@ Not simulated: RTK and other ports; a stop of all ports stops this one.
 Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections import Counter
@@ -352,7 +350,7 @@ class IsbSimulator:
         self._received_ns = 0
         self._sent_ns = -1
 
-    def repowered(self, start_ns: int) -> IsbSimulator:
+    def repowered(self, start_ns: int) -> "IsbSimulator":
         """The device after a power cycle, with its stored values."""
         self._reset(max(self._local(start_ns), 0))
         return self

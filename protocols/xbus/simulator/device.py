@@ -21,8 +21,6 @@ function in simulator/handlers.py.
 Source: MT0101P 2020.A, sections 4 and 5.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable
@@ -293,7 +291,7 @@ class XbusSimulator:
         self.phase, self._counter, self.baud, self._ignores_input = "boot", 0, BOOT_BAUD, False
         self._parser = self._new_parser()
 
-    def repowered(self, start_ns: int) -> XbusSimulator:
+    def repowered(self, start_ns: int) -> "XbusSimulator":
         """The same device after a power cycle: with its stored values, and a receiver that starts cold."""
         device = self._restarting(start_ns + BOOT_NS)
         device._memory, device.baud = self._memory, BOOT_BAUD

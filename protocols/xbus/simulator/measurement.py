@@ -15,8 +15,6 @@ on how time is cut.
 Source: MT0101P 2020.A, 5.3.5 SetOutputConfiguration and 5.3.6 MTData2.
 """
 
-from __future__ import annotations
-
 import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -47,7 +45,7 @@ class Measurement:
     run: XbusSignalSource
 
     @cached_property
-    def streams(self) -> tuple[_MeasuredStream, ...]:
+    def streams(self) -> "tuple[_MeasuredStream, ...]":
         """The main stream, then GNSS, then high-rate ones."""
         return tuple(
             _MeasuredStream(self.run, stream.kind, stream.items, stream.rate, self.begin_ns)

@@ -1,7 +1,5 @@
 """Named arrays of a file (NumPy, MATLAB, HDF5) as the columns of one table: those that have as many rows as most."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, TypeGuard
@@ -57,7 +55,7 @@ def columns_of(
         left_out = [*left_out, f"Arrays without {rows} rows of numbers are left out: {', '.join(others[:10])}."]
     names = list(columns)[:MAX_COLUMNS]
 
-    def batches() -> Iterator[pa.RecordBatch]:
+    def batches() -> "Iterator[pa.RecordBatch]":
         import pyarrow as pa
 
         for begin in range(0, rows, BATCH_ROWS):
@@ -116,7 +114,7 @@ def _named(name: str, matrix: Array) -> dict[str, Array]:
     return {f"{prefix}{suffix}": matrix[:, place] for place, suffix in enumerate(suffixes)}
 
 
-def _arrow(array: Array) -> pa.Array:
+def _arrow(array: Array) -> "pa.Array":
     import pyarrow as pa
 
     if array.dtype.kind == "f" and array.dtype.itemsize not in (4, 8):

@@ -11,8 +11,6 @@ back between them. Numbers whose unit depends on settings outside the log have n
 Source: Betaflight documentation, "Blackbox logging internals".
 """
 
-from __future__ import annotations
-
 import mmap
 import struct
 from collections.abc import Iterator
@@ -251,7 +249,7 @@ class Blackbox(FlightLog):
         clock = float(self.tables[MAIN].time.values(self._records(self.tables[MAIN], data))[0])
         return DatedBy(clock, utc, "the log's start datetime")
 
-    def _bytes_of(self, name: str, frames: Ints, log: _Log, wraps: _Wraps) -> bytes:
+    def _bytes_of(self, name: str, frames: Ints, log: _Log, wraps: "_Wraps") -> bytes:
         """Records of a table from some frames; a field that this log lacks is not a number."""
         dtype = self.tables[name].dtype
         records = np.full((frames.shape[1], len(dtype.names or ())), np.nan)

@@ -4,8 +4,6 @@ The clock is dated by a fix of a GNSS receiver in the log, else as a table is (r
 it goes back a segment begins (log_clock.py), and the clock itself is a column of each table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -163,7 +161,7 @@ class _Kind:
     places: Ints
     odd: int = 0
 
-    def plausible(self) -> _Kind:
+    def plausible(self) -> "_Kind":
         """Those with a possible time."""
         usual = self.clock < LONGEST_S
         if usual.all():

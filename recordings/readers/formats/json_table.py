@@ -9,8 +9,6 @@ Members of an object in a sample become columns: value.x, values[0]. A text that
 samples into tables. A file that ends too soon is read up to there.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -55,7 +53,7 @@ def is_json(head: bytes) -> bool:
     return _HEAD.match(head.decode("utf-8-sig", "replace")) is not None
 
 
-def _open_json(request: OpenRequest) -> Source:
+def _open_json(request: OpenRequest) -> "Source":
     path = request.path
     unpacked, damage = UnpackedFolder(path), list[FileDamage]()
     source = temporary_source(unpacked, request, lambda: _written(path, unpacked, damage))

@@ -12,8 +12,6 @@ A record that is damaged is skipped up to the next chunk.
 Source: ROS wiki, "Bags/Format/2.0".
 """
 
-from __future__ import annotations
-
 import io
 import struct
 from collections.abc import Generator, Iterator
@@ -52,7 +50,7 @@ class _MessageHeader:
     time_at: int
 
     @classmethod
-    def of(cls, content: bytes, at: int) -> _MessageHeader:
+    def of(cls, content: bytes, at: int) -> "_MessageHeader":
         size = 4 + int(_LENGTH.unpack_from(content, at)[0])
         header = np.frombuffer(content, np.uint8, size, at)
         is_constant = np.ones(size, np.uint8)

@@ -10,8 +10,6 @@ $COL,IMU,time,wx,wy,wz                       FlySight: columns and units in rows
 4000,imu,-0.19,0.22,-9.9                     the time before the name, as in replays of PX4
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import re
@@ -154,7 +152,7 @@ def _names_column(path: Path) -> tuple[TableFormat, int] | None:
     return None
 
 
-def open_typed_rows(request: OpenRequest) -> Source:
+def open_typed_rows(request: OpenRequest) -> "Source":
     """The tables of a file with typed rows.
 
     Raises:

@@ -17,8 +17,6 @@ reported with the reason; one that remains open is settled by another clock, or 
 Times in whole seconds may have their parts of a second in a column of their own (time, and ms from 0 to 999).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -183,7 +181,7 @@ class _Evidence(NamedTuple):
     stands: bool
 
     @classmethod
-    def of(cls, sample: TableSample, clock: TableClock) -> _Evidence:
+    def of(cls, sample: TableSample, clock: TableClock) -> "_Evidence":
         rows = [tuple(row[column] for column in clock.columns) for row in sample.form.sample]
         times = len({*rows}) if len(rows) >= names.FEWEST else math.inf
         is_coarse = clock.unit in ("", "s") and not any(names.DECIMALS.search(cell) for row in rows for cell in row)

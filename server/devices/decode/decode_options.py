@@ -8,8 +8,6 @@ Options in a source override the others. A secret is removed from the source bef
 printed, and no answer, event or error message contains it.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -52,7 +50,7 @@ class DecodeOptions:
         family = PROTOCOLS.get(protocol)
         return family.settings(self.values) if family is not None and self.values else {}
 
-    def replaced(self, values: Mapping[str, str], protocol: str | None = None) -> DecodeOptions:
+    def replaced(self, values: Mapping[str, str], protocol: str | None = None) -> "DecodeOptions":
         """These options with others in their place; "" removes one."""
         texts = {**self.values, **values}
         values = {name: text for name, text in texts.items() if text}

@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_object
 
 log = logging.getLogger("imuscope.sequences")
 
@@ -125,14 +126,8 @@ class SequenceStore:
         self._new.clear()
 
     def _read(self) -> Numbers:
-        if self._path is None:
-            return {}
-        try:
-            content = json.loads(self._path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return {}
         numbers: Numbers = {}
-        for key_mark, devices in content.items() if isinstance(content, dict) else ():
+        for key_mark, devices in read_object(self._path).items() if self._path is not None else ():
             for device, row in devices.items() if isinstance(devices, dict) else ():
                 with contextlib.suppress(TypeError, ValueError, IndexError, KeyError, OverflowError):
                     number, stamp, sender = int(row[0]), float(row[1]), int(device)

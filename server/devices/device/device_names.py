@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from imuscope.recordings.system import atomic_write
-from imuscope.recordings.system.regular_file import read_regular
+from imuscope.recordings.system.regular_file import read_object
 from imuscope.server.errors import DomainError
 from imuscope.server.links.source_url import is_printable
 
@@ -186,14 +186,7 @@ class DeviceNames:
             atomic_write.write_atomic(self._path, json.dumps(content, indent=1, ensure_ascii=False))
 
     def _read(self) -> None:
-        if self._path is None:
-            return
-        try:
-            content = json.loads(read_regular(self._path))
-        except (OSError, ValueError, RecursionError):
-            return
-        if not isinstance(content, dict):
-            return
+        content = read_object(self._path) if self._path is not None else {}
         for source, ids in _texts(content.get("ids"), list):
             self._ids[source] = [one for one in ids if isinstance(one, str) and one.isascii() and one.isdigit()]
         self._names = dict(_texts(content.get("names"), str))

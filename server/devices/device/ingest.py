@@ -10,8 +10,6 @@ All batches of a drain are mapped to host time together. A gap lies between the 
 stream*, whatever their layouts, so their times are looked up by offset.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -147,7 +145,7 @@ class LinkTiming:
     by_gnss: Callable[[], bool] = lambda: False
 
     @classmethod
-    def of(cls, link: Link) -> LinkTiming:
+    def of(cls, link: Link) -> "LinkTiming":
         """Timing properties of an open link."""
         return cls(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link), speed=link.speed)
 

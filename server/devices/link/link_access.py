@@ -91,10 +91,6 @@ class LinkAccess:
         self._reader.start_reading(opened=True)
         await asyncio.sleep(0)  # it has begun to read when this returns
 
-    async def check_rate(self, baud: int) -> None:
-        """Check that this end of the link supports a rate. As Link.check_rate."""
-        await self._link.check_rate(baud)
-
     @property
     def link(self) -> Link:
         return self._link

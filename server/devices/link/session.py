@@ -487,7 +487,3 @@ class Session:
         """Age of the oldest bytes that have arrived and are not decoded, s; 0 if there are none."""
         waiting_ns = self._link.waiting_since_ns if self._connection.is_open else None
         return 0.0 if waiting_ns is None else max(0.0, now - waiting_ns / 1e9)
-
-    def unknown_payloads(self, now: float) -> list[wire.UnknownPayload]:
-        """Unknown payloads of every device on the link."""
-        return self.devices.unknown_payloads(now)

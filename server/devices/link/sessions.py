@@ -251,7 +251,9 @@ class Sessions:
             for one in health:
                 one.behind.reason = self._processor.reason if one.behind.decoding else ""
             self._bus.health.publish({one.device: one for one in health})
-            self._bus.report_unknown_payloads([one for session in sessions for one in session.unknown_payloads(now)])
+            self._bus.report_unknown_payloads(
+                [one for session in sessions for one in session.devices.unknown_payloads(now)]
+            )
         self._watch_wall_clock()
         if now >= self._save_due:
             self._save_due = now + EVERY_S

@@ -7,8 +7,6 @@ written completely or not at all (recordings/system/atomic_write.py). One that c
 overwritten.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,7 +37,7 @@ class AlarmFile:
     problem: str = ""
 
     @classmethod
-    def load(cls, path: Path) -> AlarmFile:
+    def load(cls, path: Path) -> "AlarmFile":
         """Read the file; without one there are no alarms. Runs in a thread."""
         try:
             if path.stat().st_size > MAX_BYTES:

@@ -1,7 +1,5 @@
 """The calibrations there are: which sensors each needs, and how it is made from their samples."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,7 +29,7 @@ class CalibrationInputs:
     temperature: Triad | None = None
 
     @classmethod
-    def of(cls, infos: Iterable[ChannelInfo]) -> CalibrationInputs:
+    def of(cls, infos: Iterable[ChannelInfo]) -> "CalibrationInputs":
         """Those of a device with these channels."""
         known = list(infos)
         column = temperature_in(known)

@@ -13,8 +13,6 @@ Virtual reference stations need the receiver's position: `report` sends a GGA se
 Source: RTCM 10410.1 (NTRIP 2.0); RTCM paper 200-2004/SC104-STD (NTRIP 1.0).
 """
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import contextlib
@@ -67,7 +65,7 @@ class Caster:
     tls: bool = False
 
     @classmethod
-    def of(cls, source: str) -> Caster:
+    def of(cls, source: str) -> "Caster":
         """Parse ntrip://user:password@host:2101/MOUNT, or ntrips://.
 
         Raises:

@@ -1,7 +1,7 @@
 """Request for evidence: POST /api/recordings/{recording}/evidence. Times are unix seconds."""
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
@@ -52,8 +52,4 @@ class EvidenceRequest:
     with_position: bool = True  # false: leave out everything that reveals where it was recorded
 
 
-_REQUEST = TypeAdapter(EvidenceRequest)
-
-
-def request_of(body: dict[str, Any]) -> EvidenceRequest:
-    return _REQUEST.validate_python(body)
+request_of = TypeAdapter(EvidenceRequest).validate_python

@@ -12,7 +12,6 @@ restarted after a crash with growing delays.
 """
 
 import asyncio
-import logging
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -30,8 +29,6 @@ NO_PORT = -1
 START_S = 60.0
 AGAIN_S, LONGEST_S = 1.0, 60.0
 STEADY_S = 120.0  # after running this long, the next crash counts as the first
-
-log = logging.getLogger("imuscope.foxglove")
 
 
 class Foxglove:

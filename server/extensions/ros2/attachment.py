@@ -11,8 +11,6 @@ Source: rmw_zenoh, attachment_helpers.cpp and liveliness_utils.cpp; Zenoh serial
 numbers and a sequence of bytes).
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 
@@ -43,7 +41,7 @@ class Attachment:
         return LAYOUT.pack(self.sequence, self.time_ns, GID_SIZE, self.gid)
 
     @classmethod
-    def decode(cls, data: bytes) -> Attachment:
+    def decode(cls, data: bytes) -> "Attachment":
         """Read an attachment.
 
         Raises:

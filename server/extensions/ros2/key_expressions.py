@@ -19,8 +19,6 @@ Source: rmw_zenoh, docs/design.md and liveliness_utils.cpp; ROS 2 names: design.
 mapping to DDS".
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -73,7 +71,7 @@ class QosProfile:
         return f"{reliability}:{durability}:{history},{depth}:,:,:,,"
 
     @classmethod
-    def parse(cls, text: str) -> QosProfile:
+    def parse(cls, text: str) -> "QosProfile":
         """The profile of a token.
 
         Raises:

@@ -10,7 +10,6 @@ after a crash with growing delays. An absent router is not an error: Zenoh tries
 
 import asyncio
 import json
-import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -19,6 +18,7 @@ from typing import Any
 
 from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.recordings.system import atomic_write
+from imuscope.recordings.system.regular_file import read_object
 from imuscope.server import wire
 from imuscope.server.concurrency.backoff import Backoff
 from imuscope.server.devices.decode.protocol_set import sensors_of
@@ -78,11 +78,7 @@ class TopicSwitches:
         atomic_write.write_atomic(self._path, json.dumps({"switched_off": sorted(off)}, indent=1))
 
     def _read(self) -> frozenset[str]:
-        try:
-            content = json.loads(self._path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            return frozenset()
-        rows = content.get("switched_off") if isinstance(content, dict) else None
+        rows = read_object(self._path).get("switched_off")
         return frozenset(row for row in rows if isinstance(row, str)) if isinstance(rows, list) else frozenset()
 
 
@@ -91,8 +87,6 @@ PASSES_PER_S = 80.0  # how often samples are passed on: a message is at most 12 
 AGAIN_S, LONGEST_S = 1.0, 60.0
 NAME_S = 3.0  # for a device to be identified before it is announced, if it never was
 STEADY_S = 120.0  # after running this long, the next crash counts as the first
-
-log = logging.getLogger("imuscope.ros2")
 
 
 @dataclass(slots=True)

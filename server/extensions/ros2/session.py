@@ -10,8 +10,6 @@ again every few seconds, and announces everything again when it is connected. A 
 Source: rmw_zenoh, DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5.
 """
 
-from __future__ import annotations
-
 import ipaddress
 import json
 from typing import TYPE_CHECKING, Any
@@ -61,7 +59,7 @@ def is_elsewhere(router: str) -> bool:
     return is_router_address(router) and not _is_here(router_host(router)[0])
 
 
-def open_session(router: str, *, patient: bool = False) -> zenoh.Session:
+def open_session(router: str, *, patient: bool = False) -> "zenoh.Session":
     """Open a session. If the router is on this host, the session need not reach it yet; otherwise this takes a while.
 
     Args:

@@ -1,7 +1,5 @@
 """Settings of shared ports: the addresses at which the port of a source is offered to other programs."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -70,7 +68,7 @@ class ShareSettings(ExtensionSettings):
             raise ValueError(f"shares has {twice} twice; give each address once.")
 
 
-def check_sources(config: Config) -> None:
+def check_sources(config: "Config") -> None:
     """Check that every shared port is one of the sources.
 
     Raises:

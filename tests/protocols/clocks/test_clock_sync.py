@@ -152,7 +152,7 @@ def worst_drift(rate: float, seconds: float, burst_ms: float, seed: int) -> floa
 
 @each_row("burst_ms", [0.0, 16.0])
 @each_row("rate", [100.7, 399.3])
-def test_a_drift_that_is_not_known_yet_is_not_told(rate: float, burst_ms: float) -> None:
+def test_a_drift_that_is_not_known_yet_is_not_reported(rate: float, burst_ms: float) -> None:
     """Regression: a drift was told from the second second on, when it was that of the delays."""
     assert not run(stream(rate, 3, burst_ms=burst_ms, ppm=80)).clock.knows_drift
     assert run(stream(rate, 40, burst_ms=burst_ms, ppm=80)).clock.knows_drift

@@ -107,7 +107,7 @@ def test_commands_are_not_offered_as_sentences() -> None:
     assert "GPGSV_1" in chosen.values()
 
 
-def test_a_navigation_period_that_the_product_cannot_keep_is_told() -> None:
+def test_a_navigation_period_that_the_product_cannot_keep_is_reported() -> None:
     """3 ms was written to an IMX-5 without a word, while the help said at least 7 ms; all streams rose to 333 Hz."""
     driver, old = IsbDriver(), {"startupNavDtMs": 20, "startupImuDtMs": 20}
 

@@ -84,7 +84,7 @@ CONFIGURED = {  # output configuration of the captured devices, by the rates of 
 
 
 @each_row("name", CONFIGURED)
-def test_a_capture_is_as_long_as_its_configuration_says(captures: Path, name: str) -> None:
+def test_a_capture_is_as_long_as_its_configuration_states(captures: Path, name: str) -> None:
     """Message by message: the ones computed, less the items that a device leaves out while it has no value for them."""
     kinds = [due for stream in streams(CONFIGURED[name]) for due, _ in messages_of(stream)]
     results = messages(capture(captures, name))

@@ -166,7 +166,7 @@ SYNC_FIELDS = (
 )
 
 
-def test_a_command_says_in_which_state_it_runs() -> None:
+def test_a_command_states_in_which_state_it_runs() -> None:
     known = DeviceContext(product="MTi-630")
     states = {
         ("ResetOrientation", 0): "config",

@@ -320,7 +320,7 @@ def test_a_message_without_a_clock_has_its_arrival(export_format: str, tmp_path:
         np.testing.assert_array_equal(again["insStatus"].time, rows.arrival)
 
 
-def test_the_guide_says_which_format_holds_what() -> None:
+def test_the_guide_states_which_format_holds_what() -> None:
     ours = set(FORMATS) - NOT_OPENED
     assert ours <= set(HELD)
     titles = {name: FORMATS[name].title if name in FORMATS else "" for name in HELD}

@@ -53,7 +53,7 @@ def test_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
     assert ids(ReadLibrary(tmp_path / "none")) == []
 
 
-def test_an_unchanged_file_is_not_looked_into_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unchanged_file_is_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = recording(tmp_path / "a.mcap")
     library = ReadLibrary(tmp_path)
     library.all()

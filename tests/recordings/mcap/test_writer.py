@@ -239,7 +239,7 @@ def test_packing_compares_before_it_replaces(tmp_path: Path, monkeypatch: pytest
     assert read(path) == expected
 
 
-def test_a_recording_that_says_it_held_more_is_not_packed(tmp_path: Path) -> None:
+def test_a_recording_that_claims_to_hold_more_is_not_packed(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     expected = written(path, chunks=500)
     raw = path.read_bytes()

@@ -52,7 +52,7 @@ def test_times_of_every_kind(head: str, times: list[str], tmp_path: Path) -> Non
     np.testing.assert_allclose(columns.exact(1, 0, 2).time, [START + 0.5, START + 1.5], rtol=0, atol=1e-6)
 
 
-def test_lines_with_another_number_of_fields_are_skipped_and_told(tmp_path: Path) -> None:
+def test_lines_with_another_number_of_fields_are_skipped_and_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     rows = "".join(f"{START + n},{n},{n}\n" for n in range(20))
     path.write_text(f"time,x,y\n{rows}{START + 20},1\n{START + 21},1,2,3\n{START + 22},7,8\n")
@@ -140,7 +140,7 @@ def test_cells_that_are_not_numbers_are_reported(tmp_path: Path) -> None:
     assert "2 cells" in words
 
 
-def test_what_is_left_out_is_said_and_not_called_damage(tmp_path: Path) -> None:
+def test_what_is_left_out_is_reported_and_not_called_damage(tmp_path: Path) -> None:
     """Regression: the library called a table with a column of labels damaged, as it did a bag with pictures."""
     heading = "time,joint.name,joint.position,joint.effort,note\n"
     text = heading + "".join(f"{1760000000 + n},elbow,{n},0,\n" for n in range(9))

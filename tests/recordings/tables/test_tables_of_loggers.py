@@ -205,7 +205,7 @@ def test_the_clock_of_a_foreign_table(head: str, row: str, start: float | None, 
         ("# Start: 01/02/2017 10:00\n" + HEADED("stamp"), "01/02/2017 10:{n:02},{x},0,9", "day or the month first"),
     ],
 )
-def test_what_has_two_readings_is_asked(head: str, row: str, words: str, tmp_path: Path) -> None:
+def test_what_has_two_readings_is_queried(head: str, row: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=re.escape(words)):
         opened(written(head, row, "a.csv", tmp_path))
 
@@ -223,7 +223,7 @@ def test_rows_without_order_have_the_unit_and_rate_of_those_in_order(head: str, 
     assert "out of order" in message
 
 
-def test_rows_without_a_time_are_said_to_be_left_out(tmp_path: Path) -> None:
+def test_rows_without_a_time_are_reported_to_be_left_out(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     rows = [f"{100 + n / 50:.2f},302400.{n:02},{n % 7}" if n >= 20 else f",,{n % 7}" for n in range(N)]
     path.write_text("Time [s],GpsTow [s],a_x\n" + "\n".join(rows) + "\n,,\n")

@@ -129,7 +129,7 @@ def check(table: Table) -> str:
 
 
 @given(tables())
-def test_the_unit_is_right_or_asked_for(table: Table) -> None:
+def test_the_unit_is_right_or_requested(table: Table) -> None:
     check(table)
 
 
@@ -167,7 +167,7 @@ def check_disturbed(table: Table, kind: str) -> None:
 
 
 @given(disturbed())
-def test_the_unit_of_disturbed_rows_is_right_or_asked_for(case: tuple[Table, str]) -> None:
+def test_the_unit_of_disturbed_rows_is_right_or_requested(case: tuple[Table, str]) -> None:
     check_disturbed(*case)
 
 
@@ -188,7 +188,7 @@ def test_the_unit_is_never_wrong(unit: str, data: st.DataObject) -> None:
 
 @each_row("rate", [50, 100, 200, 400])
 @each_row("unit", list(UNITS))
-def test_usual_logs_of_an_inertial_sensor_are_not_asked_about(rate: float, unit: str) -> None:
+def test_usual_logs_of_an_inertial_sensor_are_not_queried(rate: float, unit: str) -> None:
     """Asking is always right, and of no use where the answer is plain."""
     times = tuple((112.5 + np.arange(50) / rate).tolist())
     assert check(Table("timestamp", unit, times, 6 if unit == "s" else 0, "ax,ay,az")) == unit

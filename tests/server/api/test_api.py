@@ -231,7 +231,7 @@ def test_openapi_documents_every_route(document: dict[str, Any]) -> None:
             assert all("ProblemBody" in shape for shape in shapes), f"{where}: errors have one shape"
 
 
-def test_openapi_names_the_token_that_is_asked_for(document: dict[str, Any]) -> None:
+def test_openapi_names_the_token_that_is_requested(document: dict[str, Any]) -> None:
     assert document["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
     assert document["paths"]["/api/devices"]["get"]["security"] == [{"token": []}, {}]
     assert document["paths"]["/healthz"]["get"]["security"] == []
@@ -331,7 +331,7 @@ def test_a_refused_websocket_is_not_logged_as_an_error(caplog: pytest.LogCapture
     ]
 
 
-def test_the_websocket_tells_everything_and_answers(running: InProcessServer) -> None:
+def test_the_websocket_reports_everything_and_answers(running: InProcessServer) -> None:
     with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
         assert socket.subprotocol == SUBPROTOCOL
         assert [json.loads(socket.recv())["op"] for _ in range(5)] == [

@@ -107,7 +107,7 @@ def test_an_orientation_reset_is_stored_with_nothing_between(http: Client) -> No
         ("run", {"command": "ReqDID", "values": {}}),
     ],
 )
-def test_what_would_discard_an_orientation_reset_is_asked_about_first(
+def test_what_would_discard_an_orientation_reset_needs_confirmation_first(
     http: Client, path: str, body: dict[str, Any]
 ) -> None:
     read(http)
@@ -359,7 +359,7 @@ def test_two_users_at_once_and_an_unconfirmed_change(http: Client, server: Serve
     assert http.get("/api/devices").json()[0]["baud"] == 115_200
 
 
-def test_what_viewers_may_ask_sends_nothing(server: ServerProcess) -> None:
+def test_what_viewers_may_request_sends_nothing(server: ServerProcess) -> None:
     with http_client(base_url=server.url, headers={"authorization": f"Bearer {VIEW}"}) as viewer:
         before = viewer.get("/api/devices/1/traffic").json()
         assert post(viewer, "preview", {"command": "Reset", "values": {}}).json()["frames"][0]["hex"] == "faff4000c1"

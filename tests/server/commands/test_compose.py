@@ -226,7 +226,7 @@ def test_names_that_no_group_has_are_refused_with_those_it_has(field: str, words
     assert message in str(refused.value)
 
 
-def test_angles_may_be_typed_in_degrees_where_they_say_so() -> None:
+def test_angles_may_be_typed_in_degrees_where_they_state_it() -> None:
     radians = composed("SET_DID_FLASH_CONFIG", "insRotation=[0,0,1.5707963267948966]")
     assert composed("SET_DID_FLASH_CONFIG", "insRotation=[0,0,90deg]") == radians
     assert composed("SET_DID_FLASH_CONFIG", "insRotation=0, 0, 90°") == radians

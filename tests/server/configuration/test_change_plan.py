@@ -47,7 +47,7 @@ def test_arguments_that_are_left_out_have_their_defaults(
         ("SET_DID_RMC", {"bits": 0, "options": 1 << 9}),
     ],
 )
-def test_what_writes_the_flash_memory_asks(command: str, case: dict[str, Any]) -> None:
+def test_what_writes_the_flash_memory_needs_confirmation(command: str, case: dict[str, Any]) -> None:
     """The guide promised it, and these ran at once."""
     assert any("flash" in risk.consequence or "every restart" in risk.consequence or "number" in risk.consequence
                for risk in plan_command(DESK, command, case).risks)  # fmt: skip

@@ -304,7 +304,7 @@ async def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_p
         await until(lambda: any(pause in event.text for event in here.telemetry.log), "the pause is told")
 
 
-async def test_a_value_that_changes_beside_the_written_one_is_told_before_and_after(tmp_path: Path) -> None:
+async def test_a_value_that_changes_beside_the_written_one_is_reported_before_and_after(tmp_path: Path) -> None:
     """A navigation period of 5 ms made the sampling period 5 ms, too, without a word."""
     async with house_of("sim:isb?rate=100", tmp_path, is_read=True) as (here, desk):
         changes = {"DID_FLASH_CONFIG": {"startupNavDtMs": 5}}

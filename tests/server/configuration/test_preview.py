@@ -94,7 +94,7 @@ def test_a_fit_of_anything_is_a_fit_or_refused(values: Any, baud: int | None) ->
     assert answer.load.total >= 0
 
 
-def test_a_fit_says_what_it_lowered() -> None:
+def test_a_fit_states_what_it_lowered() -> None:
     answer = fit(XBUS, "OutputConfiguration", outputs(400), None)
     assert answer.load.total <= 11_520
     assert [line.split(" ")[0] for line in answer.words] == ["Quaternion", "Acceleration"]

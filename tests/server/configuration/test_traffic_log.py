@@ -147,7 +147,7 @@ def test_values_are_short() -> None:
     assert values_text(ids) == "master_device_id 0080003A, device_id 8010EC5D1D000F"
 
 
-def test_a_frame_of_a_client_has_the_time_at_which_it_was_sent_not_at_which_it_was_told() -> None:
+def test_a_frame_of_a_client_has_the_time_at_which_it_was_sent_not_at_which_it_was_reported() -> None:
     clock = FakeClock()
     one = log(clock, build(0x31))
     sent = clock.ns / 1e9

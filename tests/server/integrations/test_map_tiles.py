@@ -65,7 +65,7 @@ def client(maps: TileServer) -> Iterator[Client]:
         yield running.client
 
 
-def test_a_tile_comes_through_our_own_port_and_is_asked_for_once(client: Client, maps: TileServer) -> None:
+def test_a_tile_comes_through_our_own_port_and_is_requested_once(client: Client, maps: TileServer) -> None:
     assert client.get("/api/map").json() == {"tiles": True, "attribution": "© somebody"}
     for _ in range(3):
         answer = client.get("/api/tiles/3/4/5")

@@ -76,7 +76,7 @@ def test_an_older_gnss_solution_affects_no_other_time(tmp_path: Path, age_ms: in
 
 
 @each_row("product", ["MTi-680G", "MTi-630"])
-def test_a_capture_of_a_device_lasts_as_long_as_its_clock_says(tmp_path: Path, product: str) -> None:
+def test_a_capture_of_a_device_lasts_as_long_as_its_clock_states(tmp_path: Path, product: str) -> None:
     device = XbusSimulator(product, start_ns=0)
     store = opened(tmp_path / "a.bin", b"".join(device.advance(n * 50_000_000) for n in range(1, 161)))
     (info,) = [one for one in store.manifest["channels"] if one["name"] == "Acceleration"]

@@ -274,7 +274,7 @@ def held(running: InProcessServer) -> float:
     return float(one["t0"] + one["t1"]) / 2
 
 
-def test_what_is_not_there_is_said(running: InProcessServer) -> None:
+def test_what_is_not_there_is_reported(running: InProcessServer) -> None:
     long_ago = running.client.get("/api/devices/1/frames", params={"time": held(running) - 5000})
     assert_problem(long_ago, 404, "not-found")
     assert "no longer in memory" in json.loads(long_ago.text)["message"]

@@ -47,7 +47,7 @@ def test_every_frame_is_due_at_its_device_time() -> None:
     assert not any(piece.blind for piece in pieces)
 
 
-def test_a_real_capture_takes_as_long_as_its_clock_says(captures: Path) -> None:
+def test_a_real_capture_takes_as_long_as_its_clock_states(captures: Path) -> None:
     path = captures / "xbus/mti_100hz_49s.bin"
     data = path.read_bytes()
     pieces = pieces_of(data)
@@ -146,7 +146,7 @@ def capture(tmp_path: Path) -> Path:
     return path
 
 
-async def test_a_file_plays_to_its_end_at_the_asked_speed(capture: Path) -> None:
+async def test_a_file_plays_to_its_end_at_the_requested_speed(capture: Path) -> None:
     attempts: list[str] = []
     link = open_link(f"{capture}?speed=10", settings())
     start = time.monotonic()

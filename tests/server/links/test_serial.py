@@ -157,7 +157,7 @@ async def test_a_port_in_use_names_its_owner() -> None:
 
 
 @each_row("how", [("O_RDWR", "lock"), ("O_RDWR",), ("O_RDONLY",)])
-async def test_a_port_of_another_program_says_how_both_can_use_it(how: tuple[str, ...]) -> None:
+async def test_a_port_of_another_program_states_how_both_can_use_it(how: tuple[str, ...]) -> None:
     """Regression: most drivers ask for no lock, and lost half of their bytes to a server that was started later."""
     with pty() as port, program_with(port.path, *how) as program:
         before = termios.tcgetattr(port._slave)
@@ -275,7 +275,7 @@ def test_a_device_that_is_no_terminal_is_not_even_opened(
     assert str(place) not in used
 
 
-def test_a_terminal_is_told_by_the_system_without_opening_it(tmp_path: Path) -> None:
+def test_a_terminal_is_recognised_without_opening_it(tmp_path: Path) -> None:
     about = os.stat("/dev/null")
     folder = tmp_path / f"sys/dev/char/{os.major(about.st_rdev)}:{os.minor(about.st_rdev)}"
     assert may_be_terminal("/dev/null", tmp_path), "the system does not tell"

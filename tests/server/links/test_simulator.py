@@ -179,7 +179,7 @@ async def test_a_simulator_at_another_rate_is_noise_until_the_port_follows() -> 
     await link.close()
 
 
-def test_a_fault_in_a_simulator_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_fault_in_a_simulator_resembles_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
     class Faulty(PeriodicDevice):
         def advance(self, now_ns: int) -> bytes:
             if self.sent > 5:

@@ -150,7 +150,7 @@ def test_a_line_cannot_be_forged() -> None:
     assert json.loads(report)["message"] == "gone\n}"
 
 
-def test_times_are_utc_and_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_are_utc_and_marked_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """The page and files have UTC: a line of the log has to be found by the time of an event there."""
     monkeypatch.setenv("TZ", "Asia/Tokyo")
     time.tzset()

@@ -104,7 +104,7 @@ def test_a_late_browser_sees_everything_once(steps: list[tuple[int, str]], data:
     assert len(browser.messages_of("history_end")) == 1
 
 
-def test_history_reaches_as_far_as_asked() -> None:
+def test_history_reaches_as_far_as_requested() -> None:
     clock = FakeClock()
     telemetry = Telemetry.create(clock)
     channel = telemetry.bus.advertise(info())

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import struct
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -126,10 +129,17 @@ def test_any_text_is_accepted_or_refused(text: str) -> None:
         return
 
 
-@each_row("target", typescript.TARGETS, ids=lambda target: target.about)
-def test_types_of_the_page_are_not_stale(target: typescript.Target) -> None:
-    """Run `python -m imuscope.server.generators.ts_types` when this fails."""
-    assert target.path.read_text(encoding="utf-8") == typescript.generate(target)
+def test_the_page_reads_frames_by_the_same_numbers() -> None:
+    text = (typescript.PAGE / "wire" / "frame.ts").read_text(encoding="utf-8")
+    numbers = {name: int(number) for name, number in re.findall(r"(\w+)(?: =|:) (\d+)[;,]$", text, re.MULTILINE)}
+    codes = wire.HEADER.format.lstrip("<")
+    offsets = {
+        name: struct.calcsize("<" + codes[:i]) for i, name in enumerate(wire.HEADER_FIELDS) if name != "reserved"
+    }
+    sizes = {dtype: np.dtype(dtype).itemsize for dtype in get_args(wire.Dtype)}
+    flags = {"OPCODE_SAMPLES": wire.OPCODE_SAMPLES, "FLAG_HISTORY": wire.FLAG_HISTORY}
+    assert numbers == {**flags, "HEADER_SIZE": wire.HEADER.size, **offsets, **sizes}
+    assert f'SUBPROTOCOL = "{wire.SUBPROTOCOL}"' in text
 
 
 def test_every_answer_in_json_has_a_schema() -> None:

@@ -17,7 +17,8 @@
  * line-breaks.ts decides where a line through the samples is broken.
  */
 import type { Column, SampleFrame } from "../wire/codec";
-import { DTYPE_SIZE, type Dtype } from "../wire/types";
+import { DTYPE_SIZE } from "../wire/frame";
+import type { Dtype } from "../wire/types";
 import { MinMax, OrAnd, type Extent, type ColumnValues } from "./minmax-pyramid";
 import { type FrameChange, inFrame } from "./frames";
 import { Gaps } from "./line-breaks";

@@ -8,7 +8,7 @@ import { throttle, el, LiveText, type Panel, unit } from "../ui/dom/dom";
 import { age, clock, decimalsOf, NONE, number, span } from "../ui/format/format";
 import { ageOf, channelsOf, reading, sampleAt } from "./panel-context";
 import type { Deps } from "../page/context";
-import { DTYPE_SIZE } from "../wire/types";
+import { DTYPE_SIZE } from "../wire/frame";
 import { valueGroups, type ValueRow } from "./value-groups";
 import type { CursorReading } from "../data/cursor-time";
 import { registerPanel } from "./registry";

@@ -2,7 +2,7 @@
 import type { ReplayStore } from "../recordings/replay-store";
 import type { RecordingDetail } from "../wire/recording-types";
 import { decode, type SampleFrame } from "../wire/codec";
-import { HEADER } from "../wire/types";
+import { HEADER } from "../wire/frame";
 import { type Answers, bytesOf, recorded, type Recorded } from "./recorded";
 
 const KNOWN: Recorded = recorded("recordings");

@@ -3,16 +3,8 @@
  * codec. Not part of the page.
  */
 import { decode, type SampleFrame } from "../wire/codec";
-import {
-  HEADER,
-  HEADER_SIZE,
-  OPCODE_SAMPLES,
-  type BitsInfo,
-  type ChannelInfo,
-  type ColumnInfo,
-  type DeviceInfo,
-  type Dtype,
-} from "../wire/types";
+import { HEADER, HEADER_SIZE, OPCODE_SAMPLES } from "../wire/frame";
+import type { BitsInfo, ChannelInfo, ColumnInfo, DeviceInfo, Dtype } from "../wire/types";
 import { channelInfo, columnInfo } from "./fixtures";
 
 const column = (

@@ -1,7 +1,8 @@
 import { describe, expect, it, test } from "vitest";
 import frames from "../../../tests/golden/wire/frames.json";
 import { decode } from "./codec";
-import { HEADER, type Dtype } from "./types";
+import { HEADER } from "./frame";
+import type { Dtype } from "./types";
 
 interface Golden {
   readonly what: string;

@@ -14,7 +14,8 @@
  * Every length is checked before use. An inconsistent message gives the frames before the fault and one sentence about it: the page
  * shows the sentence and continues, because the next message is independent.
  */
-import { DTYPE_SIZE, FLAG_HISTORY, HEADER, HEADER_SIZE, OPCODE_SAMPLES, type Dtype } from "./types";
+import { DTYPE_SIZE, FLAG_HISTORY, HEADER, HEADER_SIZE, OPCODE_SAMPLES } from "./frame";
+import type { Dtype } from "./types";
 import { TEXT } from "./texts";
 
 export type Column =

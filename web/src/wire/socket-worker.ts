@@ -13,7 +13,8 @@ import { localNow, ServerClock } from "./clock";
 import { decode } from "./codec";
 import { ASK_S, Silence, SILENT_S } from "./silence";
 import type { FromWorker, ToWorker } from "./worker-messages";
-import { SUBPROTOCOL, type BrowserText, type Dtype, type ServerText } from "./types";
+import { SUBPROTOCOL } from "./frame";
+import type { BrowserText, Dtype, ServerText } from "./types";
 import { parseForeign } from "./foreign-text";
 
 /** First and longest wait between attempts, s. Four seconds: a rebooted robot is on screen as soon as it listens. */

@@ -7,8 +7,6 @@ sends the signals that it uses, and begins with what memory holds of them, up to
 others of their device, but never themselves: what a signal publishes reaches those that use it as any other samples.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -297,7 +295,7 @@ def channel_of(device: str, definition: SignalDefinition, value: Quantity) -> Ch
     )
 
 
-def signals_part(services: Services) -> ServicePart:
+def signals_part(services: "Services") -> ServicePart:
     """The computed signals of a server."""
     definitions, telemetry = services.recorder.signals, services.telemetry
     assert definitions is not None  # that of a server has them

@@ -15,8 +15,6 @@ numbers     9.81, 1e-3, with a unit where they have one: 3 g, 20 ms, 5 °/s, 0.5
 functions   norm(Acceleration)
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import NamedTuple, NoReturn
@@ -61,7 +59,7 @@ class Call:
     """A function, or an operator by its sign, with its arguments."""
 
     name: str
-    arguments: tuple[Node, ...]
+    arguments: "tuple[Node, ...]"
     begin: int
     end: int
 

@@ -15,7 +15,6 @@ from imuscope.server.extensions.analysis.expressions.signal_request import reque
 from imuscope.server.extensions.analysis.signals.signals import recorded_samples
 from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
 
-NAME = "comparison"
 FIGURES = ("n", "mean", "sigma", "rms", "min", "max", "low", "high", "mounting", "remaining")
 
 

@@ -1,7 +1,5 @@
 """Limits of one analysis: memory and time of its process, and samples that it computes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from imuscope.server.errors import DomainError
@@ -19,7 +17,7 @@ class AnalysisLimits:
     time_s: float = TIME_S
 
     @classmethod
-    def of(cls, words: list[str]) -> AnalysisLimits:
+    def of(cls, words: list[str]) -> "AnalysisLimits":
         """Limits from the words of a command line."""
         memory_mb, time_s = words
         return cls(int(memory_mb), float(time_s))

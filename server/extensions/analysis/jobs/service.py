@@ -9,8 +9,6 @@ An analysis ends with its client: when the caller is cancelled, its process is k
 has come, so that requests that wait take no memory.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 from collections.abc import Awaitable, Callable, Iterator
@@ -128,7 +126,7 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def parts(services: Services) -> Iterator[ServicePart]:
+def parts(services: "Services") -> Iterator[ServicePart]:
     telemetry = services.telemetry
     settings = services.config.of(AnalysisSettings)
     limits = AnalysisLimits(settings.analysis_mb, settings.analysis_s)

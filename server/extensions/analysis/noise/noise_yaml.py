@@ -16,8 +16,6 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.registry import FiguresOfSignal
 from imuscope.server.extensions.analysis.signals.units import Unit
 
-TURN, ACCELERATION = Unit.parse("rad/s"), Unit.parse("m/s²")
-
 
 @dataclass(frozen=True, slots=True)
 class _SensorNoise:

@@ -8,8 +8,6 @@ They are seen in the samples themselves, whatever the sensor measures:
     clipped     more samples at the very extreme than at the value beside it
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,7 +47,7 @@ class Steps:
     squares: float
 
     @classmethod
-    def of(cls, values: Floats) -> Steps:
+    def of(cls, values: Floats) -> "Steps":
         """The steps of samples, (n,), at least two."""
         steps = np.diff(values)
         return cls(values, steps, len(steps) - int(np.count_nonzero(steps)), float(np.einsum("i,i", steps, steps)))

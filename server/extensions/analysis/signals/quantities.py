@@ -1,7 +1,5 @@
 """Quantities: what an expression computes with. Numbers, signals and vectors of signals, with their unit and times."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -50,13 +48,13 @@ class Quantity:
         """Whether it is the number 0, which fits every unit."""
         return self.is_number and self.is_literal and self.number == 0.0
 
-    def with_parts(self, parts: Sequence[Floats], unit: Unit | None = None, *, is_logical: bool = False) -> Quantity:
+    def with_parts(self, parts: Sequence[Floats], unit: Unit | None = None, *, is_logical: bool = False) -> "Quantity":
         """Other values at the same times; angles that wrap become plain numbers."""
         names = self.names if len(parts) == len(self.parts) else ("",)
         unit = self.unit if unit is None else unit
         return Quantity(tuple(parts), unit, self.time, names, 0.0, is_logical, breaks=self.breaks)
 
-    def in_unit(self, unit: Unit) -> Quantity:
+    def in_unit(self, unit: Unit) -> "Quantity":
         """The same in another unit that fits."""
         factor = self.unit.to(unit)
         if factor == 1.0:

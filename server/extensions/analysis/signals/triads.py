@@ -7,8 +7,6 @@ A channel is recognised by its title and unit, as for the data sheets (data_shee
 several sensors have columns imu.pqr.x …; their triads are recognised by the unit alone.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -29,7 +27,6 @@ _NAMES: dict[str, tuple[re.Pattern[str], str]] = {
 _NOT = re.compile(
     r"free.?accel|linear.?accel|gravity|increment|uncal|raw|std|deviation|bias|high.?rate|reference", re.I
 )
-SENSORS = tuple(_NAMES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +65,7 @@ class Samples:
         step = float(np.median(np.diff(self.time)))
         return 1 / step if step > 0 else 0.0
 
-    def at(self, chosen: slice | NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
+    def at(self, chosen: slice | NDArray[np.int64] | NDArray[np.bool_]) -> "Samples":
         """Some of them."""
         return Samples(self.time[chosen], self.values[chosen])
 
@@ -77,7 +74,7 @@ NO_SAMPLES = Samples(np.empty(0), np.empty((0, 3)))
 
 
 def sensors_in(infos: Iterable[ChannelInfo]) -> dict[str, Triad]:
-    """The sensors of one device, by the words of `SENSORS`; of several of a kind the plainest channel."""
+    """The sensors of one device, by the words of `_NAMES`; of several of a kind the plainest channel."""
     by_sensor: dict[str, list[Triad]] = {}
     for info in infos:
         for triad, words in _triads(info):

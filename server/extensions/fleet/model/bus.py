@@ -7,8 +7,6 @@
 Nothing is found by multicast, and no session of a robot talks to another.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -78,7 +76,7 @@ def client_settings(router: str, credentials: BusCredentials) -> dict[str, Any]:
     return {name: value for name, value in settings.items() if value is not None}
 
 
-def open_bus(settings: Mapping[str, Any]) -> zenoh.Session:
+def open_bus(settings: Mapping[str, Any]) -> "zenoh.Session":
     """Open a session. A client waits here until its router is there.
 
     Raises:

@@ -5,8 +5,6 @@ place of `sql`, the answer is what an editor may complete; with `fetch`, a recor
 output: one line of JSON, {} or {"kind", "message", "hint"}; then the answer. It is complete if the process ends with 0.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -131,7 +129,7 @@ def main() -> int:
     return 0
 
 
-def _answer(request: dict[str, Any], output: _Output) -> None:
+def _answer(request: dict[str, Any], output: "_Output") -> None:
     store = location(request["store"])
     if request.get("words"):
         output.write(json.dumps(query_words(store)).encode())

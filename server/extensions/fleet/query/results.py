@@ -23,7 +23,6 @@ import pyarrow as pa
 
 MAX_ROWS = 1000
 MAX_WIDTH = 60
-FORMATS = ("table", "csv", "json", "arrow")
 
 
 def plain(value: Any) -> Any:

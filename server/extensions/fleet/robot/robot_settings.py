@@ -1,7 +1,5 @@
 """Settings of a robot in its fleet, checked: its name, its credentials, the rights of the fleet server at its pages."""
 
-from __future__ import annotations
-
 import os
 import platform
 from typing import TYPE_CHECKING
@@ -54,7 +52,7 @@ def credentials_of(settings: FleetSettings) -> BusCredentials:
     return BusCredentials(settings.user, password, settings.ca, settings.certificate, settings.key)
 
 
-def allowed_pages(settings: FleetSettings) -> PagesAllowed:
+def allowed_pages(settings: FleetSettings) -> "PagesAllowed":
     """Rights of the fleet server at the pages of this robot.
 
     Raises:

@@ -1,7 +1,5 @@
 """`imuscope fleet`: the page of many robots, and the router that they connect to."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys
@@ -55,7 +53,7 @@ def serve_fleet(options: argparse.Namespace) -> None:
     except FleetAccessError as error:
         raise UsageError(str(error)) from None
 
-    def create(config: Config, access: Access) -> ASGIApp:
+    def create(config: Config, access: "Access") -> "ASGIApp":
         from imuscope.server.app.build import create_app
 
         try:

@@ -6,8 +6,6 @@ captures, vendors' logs imported: the bytes as chunks with their times, as the l
 tables (.csv)           imported: the numbers as messages
 """
 
-from __future__ import annotations
-
 import hashlib
 from itertools import pairwise
 from pathlib import Path
@@ -53,7 +51,7 @@ def files_of(source: Source) -> list[Path]:
     return source.files if isinstance(source, CaptureSource) else [source.path]
 
 
-def _add_messages(path: Path, digest: hashlib._Hash) -> bool:
+def _add_messages(path: Path, digest: "hashlib._Hash") -> bool:
     """Add the messages of a recording; False if it has none."""
     has_messages = False
     with McapReader(path) as recording:

@@ -7,8 +7,6 @@ seconds. Here bytes pass in small pieces at an even rate, and TCP slows the libr
 stored data are read back. A request without the secret of this proxy is refused, so no other process can use it.
 """
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import re
@@ -70,7 +68,7 @@ class LimitedLine:
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://imuscope:{secret}@127.0.0.1:{self._listener.getsockname()[1]}"
 
-    def __enter__(self) -> LimitedLine:
+    def __enter__(self) -> "LimitedLine":
         threading.Thread(target=self._accept, name="limited line", daemon=True).start()
         return self
 

@@ -8,8 +8,6 @@ it sends beyond the acknowledged bytes ends it. A stream ends with its viewer, w
 robot is silent for SILENCE_S.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import itertools
@@ -79,16 +77,16 @@ class RobotPages:
         """Begin to take messages over, in the event loop."""
         self._inbox.start()
 
-    def declare(self, session: zenoh.Session) -> object:
+    def declare(self, session: "zenoh.Session") -> object:
         """Begin to receive; from any thread. Returns what has to be kept."""
 
-        def on_answer(sample: zenoh.Sample) -> None:
+        def on_answer(sample: "zenoh.Sample") -> None:
             self._inbox.put(keys.robot_of(str(sample.key_expr)), sample.payload.to_bytes())
 
         self._session = session
         return session.declare_subscriber(keys.answers(self.id), on_answer)
 
-    def open(self, robot: str, make: Callable[[int, str], OpenStream]) -> PageStream:
+    def open(self, robot: str, make: Callable[[int, str], OpenStream]) -> "PageStream":
         """Send a request to a robot.
 
         Args:

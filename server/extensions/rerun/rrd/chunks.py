@@ -6,8 +6,6 @@ thousands of small ones very slowly, so callers pass as many rows as there are, 
 Scalars are float64 there: an integer beyond ±2^53 loses its last digits, everything else is exact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -41,7 +39,7 @@ class Times:
             rr.TimeColumn(SAMPLE, sequence=self.sample),
         ]
 
-    def only(self, which: Any) -> Times:
+    def only(self, which: Any) -> "Times":
         """A subset, by a mask or by position."""
         return Times(self.device[which], self.arrival[which], self.sample[which])
 

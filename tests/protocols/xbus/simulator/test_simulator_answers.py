@@ -381,7 +381,7 @@ def test_an_unknown_product_raises_a_value_error() -> None:
         XbusSimulator("MTi-9000")
 
 
-def test_the_vendors_software_finds_what_it_asks_for_first() -> None:
+def test_the_vendors_software_finds_what_it_requests_first() -> None:
     """InitBus, a padded GotoConfig of the scan for RS-485, the calibration: each was answered with Error."""
     device = in_config("MTi-680G")
     for request, number, size in (

@@ -44,7 +44,7 @@ def test_the_numbers_are_those_of_the_firmware(name: str, way: str, monkeypatch:
     assert frames_of(GOLDEN / f"{name}.bbl") == json.loads((GOLDEN / f"{name}.json").read_text())
 
 
-def test_a_log_has_its_date_and_the_units_that_it_tells(tmp_path: Path) -> None:
+def test_a_log_has_its_date_and_the_units_that_it_names(tmp_path: Path) -> None:
     main = json.loads((GOLDEN / "every_1.json").read_text())["main"]
     store = opened(GOLDEN / "every_1.bbl", tmp_path)
     rows = rows_of(store, "gyroADC", "main")

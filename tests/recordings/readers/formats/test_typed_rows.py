@@ -113,7 +113,7 @@ def test_ascii_logs_of_novatel_have_their_week(tmp_path: Path) -> None:
     assert any("latitude" in info["name"] for info in channels(store)["INSPVAA"])
 
 
-def test_tables_that_all_leave_something_open_are_asked_for(tmp_path: Path) -> None:
+def test_tables_that_all_leave_something_open_are_requested(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("".join(f"ATT,{n},0,1\nCTUN,{n},0,1,2\n" for n in range(N)))
     with pytest.raises(RecordingError, match="the unit of column 1 can be s"):

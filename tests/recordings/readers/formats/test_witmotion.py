@@ -60,7 +60,7 @@ def test_a_cycle_of_frames_is_a_row(clock: bool, tmp_path: Path) -> None:
     assert not listed.damaged
 
 
-def test_damaged_frames_are_left_out_and_said(tmp_path: Path) -> None:
+def test_damaged_frames_are_left_out_and_reported(tmp_path: Path) -> None:
     data = b"".join(cycle(n, clock=True) for n in range(N))
     path = tmp_path / "a.bin"
     cut = bytearray(data[5:])  # begins inside of a frame

@@ -63,7 +63,9 @@ def test_a_known_column_of_times_is_the_axis(heading: str, cell: str, start: flo
         ("JD", 2_440_587.5, "JD"),
     ],
 )
-def test_days_since_an_epoch_are_dates_and_said_to_be(heading: str, days: float, program: str, tmp_path: Path) -> None:
+def test_days_since_an_epoch_are_dates_and_reported_as_such(
+    heading: str, days: float, program: str, tmp_path: Path
+) -> None:
     cells = f"f'{{{days + EPOCH / 86_400!r} + n / 8_640_000:.12f}}'"
     source, rows = read(tmp_path / "a.csv", table(heading, cells))
     resolution = 86_400 * np.spacing(days + EPOCH / 86_400)

@@ -121,7 +121,7 @@ async def test_the_queue_is_bounded_and_drops_are_counted(monkeypatch: pytest.Mo
     assert inbox.waiting_since_ns is None
 
 
-async def test_a_reader_that_looks_by_itself_is_not_woken() -> None:
+async def test_a_reader_that_polls_by_itself_is_not_woken() -> None:
     link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
     inbox = ChunkQueue(link)
     put(inbox, 1, 10)

@@ -113,7 +113,7 @@ class SilentLink(ReadyLink):
         raise AssertionError
 
 
-def test_while_bytes_arrive_a_session_looks_for_them_by_itself() -> None:
+def test_while_bytes_arrive_a_session_polls_for_them_by_itself() -> None:
     async def run() -> None:
         clock = FakeClock()
         link = SilentLink("/dev/ttyFAKE", LinkSettings(now_ns=clock.now_ns))
@@ -145,7 +145,7 @@ class BusyLink(ReadyLink):
         return self.waiting
 
 
-def test_how_far_decoding_is_behind_is_told() -> None:
+def test_how_far_decoding_is_behind_is_reported() -> None:
     """A server that was two minutes behind was "live", with empty plots and not a word."""
 
     async def run() -> None:

@@ -244,7 +244,7 @@ def test_the_last_seconds_of_chosen_devices(running: InProcessServer, links: Fak
     assert chunks(tmp_path / "recordings" / f"{earlier['id']}.mcap", "rx/1") == sample(1)
 
 
-def test_nothing_in_memory_is_said(running: InProcessServer) -> None:
+def test_nothing_in_memory_is_reported(running: InProcessServer) -> None:
     answer = running.client.post("/api/recordings/save-memory", json={})
     assert answer.status_code == 404
     assert "No bytes" in answer.json()["message"]

@@ -67,7 +67,7 @@ async def test_an_imx_is_identified_and_its_first_fix_is_one_event() -> None:
             )  # never 1980, nor a spike at the fix
 
 
-async def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None:
+async def test_an_imx_that_streams_already_is_queried_once_for_each_connection() -> None:
     async with playing() as stage:
         device = IsbSimulator()
         device.advance(1_000_000_000)

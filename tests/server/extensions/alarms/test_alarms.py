@@ -121,7 +121,7 @@ def test_a_file_that_cannot_be_read_is_set_aside(tmp_path: Path) -> None:
     assert len(json.loads((tmp_path / FILE).read_text())["alarms"]) == 1
 
 
-def test_a_change_begins_anew_and_a_deletion_ends_it(running: InProcessServer) -> None:
+def test_a_change_begins_again_and_a_deletion_ends_it(running: InProcessServer) -> None:
     alarm = added(running)
     send(running, 150)
     until_status(running, alarm, "raised")
@@ -221,7 +221,7 @@ def test_silence_and_a_low_rate_are_conditions(running: InProcessServer) -> None
     block_until(is_ok_while_it_sends, lambda: state(running, link))
 
 
-def test_metrics_say_what_is_raised(running: InProcessServer) -> None:
+def test_metrics_state_what_is_raised(running: InProcessServer) -> None:
     alarm = added(running)
     send(running, 150)
     until_status(running, alarm, "raised")
@@ -231,7 +231,7 @@ def test_metrics_say_what_is_raised(running: InProcessServer) -> None:
     assert f'imuscope_alarm_missing{{device="1",alarm="{alarm}"}} 0' in lines
 
 
-def test_a_simulator_crosses_a_limit_while_nobody_looks_and_a_recording_shows_it(server: ServerProcess) -> None:
+def test_a_simulator_crosses_a_limit_while_no_page_is_open_and_a_recording_shows_it(server: ServerProcess) -> None:
     with http_client(base_url=server.url) as client:
         body = {
             "name": "Moves",

@@ -59,7 +59,7 @@ def oracle(samples: Samples, timing: AlarmTiming) -> list[tuple[str, float]]:
 
 
 @given(sequences(), TIMINGS, st.lists(st.integers(1, 20), min_size=1, max_size=20))
-def test_any_division_into_batches_gives_what_the_oracle_says(
+def test_any_division_into_batches_gives_what_the_oracle_states(
     samples: Samples, timing: AlarmTiming, sizes: list[int]
 ) -> None:
     machine = AlarmMachine(timing)

@@ -128,7 +128,7 @@ def test_signals_of_two_channels_are_judged_alike_in_pieces(cuts: list[float]) -
     assert {BEYOND, WITHIN} <= {*whole[1].tolist()}
 
 
-def test_the_state_begins_anew_after_a_gap() -> None:
+def test_the_state_begins_again_after_a_gap() -> None:
     """A mean of 0.5 s takes no sample from before a gap, even if that is shorter than the window."""
     time = BEGIN + np.concatenate((np.arange(100), np.arange(130, 200))) / RATE
     high = np.where(np.arange(170) < 100, 20.0, 1.0)
@@ -139,7 +139,7 @@ def test_the_state_begins_anew_after_a_gap() -> None:
     np.testing.assert_allclose(values[known], high[known], atol=1e-9)
 
 
-def test_the_limit_and_what_is_compared_with_it_are_told() -> None:
+def test_the_limit_and_what_is_compared_with_it_are_reported() -> None:
     one = judge("1 g < rms(Acceleration.x, 200 ms)", "0.5 g")
     assert (one.subject, one.unit, one.direction) == ("rms(Acceleration.x, 200 ms)", "m/s²", 1)
     assert one.limit == pytest.approx(9.80665)
@@ -203,7 +203,7 @@ def test_a_new_alarm_knows_the_past_but_is_not_raised_by_it(tmp_path: Path) -> N
     assert result.raised_value == pytest.approx(20 * 999 / 1000)
 
 
-def test_windows_begin_anew_when_the_rate_changes(tmp_path: Path) -> None:
+def test_windows_begin_again_when_the_rate_changes(tmp_path: Path) -> None:
     bench = AlarmBench(tmp_path)
     bench.send(100, 1.0)
     bench.add("mean(Acceleration.x, 100 ms) > 1 g")

@@ -93,7 +93,7 @@ def test_without_samples_nothing_is_known(tmp_path: Path) -> None:
     assert preview_of(definition("Force > 1 N"), judge, []).times == 0
 
 
-def test_a_mistake_is_told_as_when_it_is_saved(tmp_path: Path) -> None:
+def test_a_mistake_is_reported_as_when_it_is_saved(tmp_path: Path) -> None:
     store = stored(tmp_path / "store", shocks(), np.zeros(1500))
     with pytest.raises(DomainError, match="cannot be compared"):
         recorded_preview(definition("Force > 1 m"), store, INFOS)

@@ -41,7 +41,7 @@ HERE = ("127.0.0.1",)
 __all__ = ["receiver"]  # a fixture
 
 
-async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver: Receiver) -> None:
+async def test_a_failing_receiver_is_tried_again_and_a_refusal_is_final(receiver: Receiver) -> None:
     hooks, report = Webhooks(QUICK, HERE), Notices()
     receiver.answers = [500, 429, 204, 404, 503, 503, 503]
     for number in range(4):
@@ -56,7 +56,7 @@ async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver
     await hooks.close()
 
 
-async def test_a_receiver_that_is_gone_is_told_once_in_words() -> None:
+async def test_a_receiver_that_is_gone_is_reported_once_in_words() -> None:
     hooks, report = Webhooks(QUICK, HERE), Notices()
     url = f"http://ada:secret@127.0.0.1:{free_port()}/hook"
     for number in range(2):

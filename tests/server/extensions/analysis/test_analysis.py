@@ -87,7 +87,7 @@ def test_an_angle_that_wraps_has_a_circular_mean_and_an_unwrapped_slope() -> Non
     assert math.isnan(round_and_round["max"])
 
 
-def test_gaps_are_steps_longer_than_the_option_says() -> None:
+def test_gaps_are_steps_longer_than_the_option_states() -> None:
     time = np.delete(np.arange(100) * 0.01, [20, 50, 51, 52])
     assert figures(np.zeros(96), time)["gaps"] == 2
     assert figures(np.zeros(96), time, gap=3.0)["gaps"] == 1
@@ -162,7 +162,7 @@ def test_signals_are_named_by_channel_and_column(word: str, result: list[str]) -
         ("9/GNSS.x", "not-found", "GNSS, INS"),
     ],
 )
-def test_a_wrong_name_says_what_there_is(word: str, kind: str, hint: str) -> None:
+def test_a_wrong_name_states_what_there_is(word: str, kind: str, hint: str) -> None:
     with pytest.raises(DomainError) as raised:
         columns_named(CHANNELS, [word])
     assert raised.value.kind == kind

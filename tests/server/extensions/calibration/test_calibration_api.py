@@ -169,7 +169,7 @@ def test_a_running_calibration_is_replaced_and_discarded(device: Rows) -> None:
     assert_problem(client.get(url(device, "/export")), 404, "not-found")
 
 
-def test_what_cannot_be_calibrated_says_why(device: Rows) -> None:
+def test_what_cannot_be_calibrated_gives_the_reason(device: Rows) -> None:
     client = device.running.client
     assert_problem(client.get("/api/devices/99/calibration"), 404, "not-found")
     assert_problem(client.post(url(device), json={"kind": "soul"}), 422, "bad-request")

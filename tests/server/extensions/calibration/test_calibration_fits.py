@@ -222,7 +222,7 @@ def test_the_bias_is_found_within_its_uncertainty(
         ([], "The temperature is unknown. The bias changes with it: repeat this when the sensor is warmer."),
     ],
 )
-def test_the_temperature_of_a_bias_is_told(degrees: list[float], words: str) -> None:
+def test_the_temperature_of_a_bias_is_reported(degrees: list[float], words: str) -> None:
     turn = sampled(np.random.default_rng(8).normal(scale=0.05, size=(6000, 3)))
     inside = np.linspace(turn.time[1000], turn.time[-1000], len(degrees))
     warmth = np.column_stack([degrees] * 3) if degrees else np.empty((0, 3))
@@ -274,7 +274,7 @@ def test_a_steady_turn_is_refused() -> None:
     assert observed.refusal is not None
 
 
-def test_a_warming_sensor_is_told_so() -> None:
+def test_a_warming_sensor_is_reported() -> None:
     turn = sampled(np.random.default_rng(1).normal(scale=0.02, size=(3000, 3)))
     warm = sampled(np.tile(np.linspace(20, 24, 3000)[:, None], (1, 3)))
     report = gyroscope_bias(turn, NO_SAMPLES, warm)
@@ -305,7 +305,7 @@ def test_rest_is_found_to_a_second() -> None:
 
 
 @each_row("name", sorted(set(MOTIONS) - {"drive"}))
-def test_a_motion_turns_as_its_gyroscope_says(name: str) -> None:
+def test_a_motion_turns_as_its_gyroscope_measures(name: str) -> None:
     t = np.arange(0, 20, 0.001)
     truth = MOTIONS[name](t)
     q = truth.q_enu_from_body_wxyz

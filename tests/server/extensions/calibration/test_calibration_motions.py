@@ -110,7 +110,7 @@ def test_another_unit_is_refused() -> None:
     assert "scale" in report.refusal.message
 
 
-def test_unknown_gravity_is_told() -> None:
+def test_unknown_gravity_is_reported() -> None:
     force, turn = sampled(SensorSetup(motion="positions"), 60, 0.001)
     assert any("Gravity was taken" in note for note in six_positions(force, turn).notes)
     assert not any("Gravity was taken" in note for note in six_positions(force, turn, G).notes)

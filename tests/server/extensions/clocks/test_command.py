@@ -106,7 +106,7 @@ def test_a_counter_has_no_drift_of_its_own(tmp_path: Path, capsys: pytest.Captur
     assert sampled["unit"] == "100 µs"
 
 
-def test_what_is_not_certain_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_not_certain_is_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = table(tmp_path / "a.csv", "time,gx", [str(n) for n in range(ROWS)], ["1"] * ROWS)
     assert main(["time", str(path)]) == 1
     error = capsys.readouterr().err
@@ -148,7 +148,7 @@ def test_a_source_that_sends_nothing_is_not_waited_for_without_end(
     assert "No data was received. " in capsys.readouterr().err
 
 
-def test_a_file_without_numbers_is_an_error_that_says_what_it_holds(
+def test_a_file_without_numbers_is_an_error_that_states_what_it_holds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nothing was printed, and the exit code was 0."""

@@ -47,7 +47,7 @@ def lasts(running: InProcessServer, recording: str) -> float:
     return float(detail.json()["t1"] - detail.json()["t0"])
 
 
-def test_an_open_table_is_asked_about_once_for_its_heading(running: InProcessServer) -> None:
+def test_an_open_table_is_queried_once_for_its_heading(running: InProcessServer) -> None:
     client = running.client
     first = upload(running, "first.csv", OPEN)
     waiting = upload(running, "waiting.csv", OPEN)
@@ -105,7 +105,7 @@ def test_choices_are_changed_and_undone(running: InProcessServer) -> None:
     assert lasts(running, upload(running, "next.csv", TWO)) == pytest.approx((ROWS - 1) / 100)
 
 
-def test_a_table_without_times_is_taken_and_asked_about(running: InProcessServer) -> None:
+def test_a_table_without_times_is_taken_and_queried(running: InProcessServer) -> None:
     rows = "".join(f"{(n * 7) % 11} {(n * 5) % 13}\n" for n in range(ROWS))
     name = upload(running, "plain.txt", rows)
     assert running.client.get(f"{URL}/{name}/reading").json()["about"] == "time"

@@ -224,7 +224,7 @@ async def test_an_invalid_chunk_is_reported() -> None:
     assert state.message == "The caster's response is not HTTP."
 
 
-async def test_a_caster_that_only_knows_version_1_is_asked_again() -> None:
+async def test_a_caster_that_only_knows_version_1_is_tried_again() -> None:
     async def old(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if b"HTTP/1.0" in head:
             writer.write(b"ICY 200 OK\r\n" + STREAM)
@@ -279,7 +279,7 @@ async def test_a_caster_receives_the_position() -> None:
     assert any(b"Ntrip-GGA: $GPGGA" in request for request in requests)
 
 
-async def test_a_stream_that_nobody_watches_keeps_the_last_seconds_only(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_stream_that_no_one_watches_keeps_the_last_seconds_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each message of weeks was remembered until a page asked for the state: 100 MB a day."""
     clock = ManualClock(0.0)
     monkeypatch.setattr(correction_stream, "time", SimpleNamespace(monotonic=clock))
@@ -292,7 +292,7 @@ async def test_a_stream_that_nobody_watches_keeps_the_last_seconds_only(monkeypa
     await stream.close()
 
 
-def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> None:
+def test_the_log_states_where_it_begins_breaks_and_ends_and_not_each_message() -> None:
     messages: list[tuple[bytes, str, str]] = []
     diary = CorrectionLog("tcp://base:1", lambda frame, text, level: messages.append((frame, text, level)))
     diary.stopped("base does not answer.")

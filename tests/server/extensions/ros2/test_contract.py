@@ -41,7 +41,9 @@ def contract(folder: Path, began: float = 0.0) -> Contract:
         (None, "/imu/imu/data is not announced."),
     ],
 )
-def test_a_breach_is_told_once_and_so_is_its_end(changes: dict[str, Any] | None, words: str, tmp_path: Path) -> None:
+def test_a_breach_is_reported_once_and_so_is_its_end(
+    changes: dict[str, Any] | None, words: str, tmp_path: Path
+) -> None:
     stored, now = contract(tmp_path), START_S + 1
     rows = [] if changes is None else [AS_AGREED | changes]
     assert list(stored.check([AS_AGREED], now)) == []

@@ -136,7 +136,7 @@ def test_a_fix_has_the_accuracy_that_the_device_reports() -> None:
     assert none.status.status == -1
 
 
-def test_a_fix_without_height_and_accuracy_says_so() -> None:
+def test_a_fix_without_height_and_accuracy_states_it() -> None:
     channel = info(4, "Latitude, longitude", {"lat": "°", "lon": "°"})
     (fix,) = built("gnss/fix", [channel], [frame(4, [0.0, 1.0], [48.1, 0.0], [11.5, 0.0])])
     assert math.isnan(fix.altitude)

@@ -275,7 +275,7 @@ def test_a_removed_device_leaves_the_graph(tmp_path: Path) -> None:
         assert any("%imu_2%imu%" in token for token in announced(hub))
 
 
-def test_what_is_no_router_is_told_from_none(tmp_path: Path) -> None:
+def test_what_is_no_router_is_distinguished_from_none(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         address = f"tcp/127.0.0.1:{other.getsockname()[1]}"
         with ServerProcess(f"sim:idtp?{SLOW}", data=tmp_path, arguments=("--ros2", "--ros2-router", address)) as server:

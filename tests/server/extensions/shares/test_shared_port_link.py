@@ -183,7 +183,7 @@ async def test_a_second_server_is_refused_and_the_first_goes_on(port: DevicePort
     await eventually(lambda: not is_held(second.inner), link)
 
 
-async def test_what_a_client_sends_is_told_with_its_time_and_name(port: DevicePort, tmp_path: Path) -> None:
+async def test_what_a_client_sends_is_reported_with_its_time_and_name(port: DevicePort, tmp_path: Path) -> None:
     async with driven(port, tmp_path / "imu0") as (link, driver):
         messages: list[ClientData] = []
         link.on_client_data.add(messages.append)
@@ -334,7 +334,7 @@ async def test_a_share_is_added_and_ended_while_the_port_is_read(port: DevicePor
         ("tcp://127.0.0.1:{taken}", "address already in use"),
     ],
 )
-def test_a_share_that_cannot_be_offered_says_why(tmp_path: Path, share: str, words: str) -> None:
+def test_a_share_that_cannot_be_offered_gives_the_reason(tmp_path: Path, share: str, words: str) -> None:
     port = DevicePort()  # of this row alone
     (tmp_path / "file").write_text("mine")
     try:
@@ -403,7 +403,7 @@ async def test_a_request_is_answered_though_the_end_of_its_holder_is_noticed_fir
     await reading
 
 
-def test_a_runtime_folder_with_a_path_that_is_too_long_says_what_to_do(
+def test_a_runtime_folder_with_a_path_that_is_too_long_states_what_to_do(
     port: DevicePort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / ("long" * 20)))

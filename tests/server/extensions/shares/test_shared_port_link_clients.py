@@ -319,7 +319,7 @@ raise SystemExit(main())
 """
 
 
-async def test_a_holder_that_fails_says_why_and_its_clients_see_an_unplugged_port(
+async def test_a_holder_that_fails_gives_the_reason_and_its_clients_see_an_unplugged_port(
     port: DevicePort, tmp_path: Path
 ) -> None:
     link = link_to(port, str(tmp_path / "imu0"))
@@ -435,7 +435,9 @@ async def test_clients_that_neither_send_nor_read_give_way_to_those_that_come(po
             assert {1, 2, 17} <= {one["number"] for one in clients(link)}
 
 
-async def test_a_second_holder_of_a_port_says_so_without_a_number_of_an_error(port: DevicePort, tmp_path: Path) -> None:
+async def test_a_second_holder_of_a_port_states_it_without_a_number_of_an_error(
+    port: DevicePort, tmp_path: Path
+) -> None:
     async with in_process(port, str(tmp_path / "imu0")) as link:
         second = Holder(holder_settings(link.inner, [], stay=True))
         with pytest.raises(ShareError, match=r"^another holder has this port; end it first, or use its shares$"):

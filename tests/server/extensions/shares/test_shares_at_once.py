@@ -50,7 +50,7 @@ async def test_two_shares_that_are_added_at_once_are_both_offered(tmp_path: Path
         await until(lambda: session.info.is_open, "it is open")
 
 
-async def test_a_share_of_a_device_that_is_removed_meanwhile_is_refused(
+async def test_a_share_of_a_device_that_is_removed_in_the_meantime_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The request waited for a link that was never opened, until its client had enough."""
@@ -93,7 +93,7 @@ async def test_a_port_that_is_shared_again_and_again_keeps_nothing_of_earlier_sh
         assert not shares._partial
 
 
-async def test_a_program_that_comes_and_leaves_is_told_in_that_order(
+async def test_a_program_that_comes_and_leaves_is_reported_in_that_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It had left before its name was found, and the last line of the log said that it was connected."""

@@ -161,7 +161,7 @@ def test_an_angle_that_wraps_is_no_jump() -> None:
     assert result.offset == pytest.approx(-2.0, abs=1e-3)
 
 
-def test_a_motion_that_repeats_itself_says_which_offsets_fit_as_well() -> None:
+def test_a_motion_that_repeats_itself_states_which_offsets_fit_as_well() -> None:
     random = np.random.default_rng(7)
     time = np.arange(0, 40, 0.01)
     envelope = np.exp(-np.square((time - 20) / 8))

@@ -104,7 +104,7 @@ def test_angles_differ_by_the_shorter_way() -> None:
     assert difference(turning, turning, 0.5).values == pytest.approx(-2.5)
 
 
-def test_a_gap_is_not_bridged_and_told() -> None:
+def test_a_gap_is_not_bridged_but_reported() -> None:
     time = np.arange(0, 10, 0.1)
     a, b = signal(time, 0 * time), signal(np.delete(time, slice(30, 50)), np.zeros(80))
     result = difference(a, b, 0.05)

@@ -128,7 +128,7 @@ def test_a_mistake_stores_nothing_and_leaves_the_signal_of_that_name(bench: Deri
     assert len(bench.rows()[0]) == 110
 
 
-def test_a_new_rate_begins_anew_on_the_same_channel(tmp_path: Path) -> None:
+def test_a_new_rate_begins_again_on_the_same_channel(tmp_path: Path) -> None:
     bench = DerivedBench(tmp_path)
     bench.send(200)
     bench.derived.put(bench.device, SignalDefinition("Smooth", "mean(Acceleration.x, 1 s)"))
@@ -153,7 +153,7 @@ def test_signals_use_each_other_and_follow(bench: DerivedBench) -> None:
         np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-6)
 
 
-def test_what_uses_a_signal_that_is_edited_begins_anew(bench: DerivedBench) -> None:
+def test_what_uses_a_signal_that_is_edited_begins_again(bench: DerivedBench) -> None:
     bench.derived.put(bench.device, SignalDefinition("Twice", "2 * Total"))
     bench.derived.put(bench.device, SignalDefinition("Four", "2 * Twice"))
     bench.derived.put(bench.device, SignalDefinition("Total", "Acceleration.x * 1 s"))

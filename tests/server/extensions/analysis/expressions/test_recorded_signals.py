@@ -60,7 +60,7 @@ def test_a_recorded_definition_is_a_channel_with_the_samples_of_its_device(tmp_p
     assert notices_of(store) == []
 
 
-def test_a_filter_is_without_delay_and_says_so(tmp_path: Path) -> None:
+def test_a_filter_is_without_delay_and_states_it(tmp_path: Path) -> None:
     store = opened(tmp_path, {"Slow": "lowpass(Acceleration.x, 5 Hz)"})
     [info] = [info for info in channels_of(store).values() if info.name == "Slow"]
     assert "forwards and backwards: lowpass" in info.doc
@@ -82,7 +82,7 @@ def test_signals_may_use_each_other_in_any_order(tmp_path: Path) -> None:
     ]
 
 
-def test_a_definition_that_does_not_fit_is_told_and_the_rest_is_opened(tmp_path: Path) -> None:
+def test_a_definition_that_does_not_fit_is_reported_and_the_rest_is_opened(tmp_path: Path) -> None:
     mistakes = {"Odd": "norm(Sped)", "Mixed": "Acceleration + 3 °/s", "Acceleration": "Acceleration.x", "Three": "3 m"}
     store = opened(tmp_path, {**mistakes, **TOTAL})
     assert len(rows(store, "Total")) > 100

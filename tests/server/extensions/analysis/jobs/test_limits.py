@@ -160,7 +160,7 @@ async def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
         assert service.forks.pid != pid
 
 
-async def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
+async def test_the_fork_server_ends_when_nothing_is_requested_for_a_while() -> None:
     forks = ForkServer("imuscope.server.extensions.analysis.jobs.worker", *AnalysisLimits().words, idle_s=0.0)
     assert (await forks.run(Progress("1")))[1] == b"1"
     await until(lambda: forks.pid is None, "the end of the fork server")
@@ -176,7 +176,7 @@ async def test_a_fork_server_that_ends_while_it_starts_is_an_error_in_words() ->
     await forks.close()
 
 
-async def test_what_runs_analyses_is_there_before_the_first_one_while_somebody_looks(
+async def test_what_runs_analyses_is_there_before_the_first_one_while_a_page_is_open(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Regression: the first analysis of a server waited 0.7 s for the libraries, however long the page was open."""
@@ -194,7 +194,7 @@ async def test_what_runs_analyses_is_there_before_the_first_one_while_somebody_l
 
 
 @each_row(("is_viewed", "processors", "memory"), [(False, 2, 4), (True, 1, 4), (True, 2, 1)])
-async def test_nothing_is_started_where_nobody_looks_or_on_a_small_machine(
+async def test_nothing_is_started_where_no_page_is_open_or_on_a_small_machine(
     is_viewed: bool, processors: int, memory: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("imuscope.server.extensions.analysis.jobs.service._processors", lambda: processors)

@@ -130,7 +130,7 @@ def test_the_interval_of_a_deviation_holds_the_true_one() -> None:
     assert 0.9 <= inside / total <= 0.99
 
 
-def test_quantisation_and_a_ramp_are_told_apart() -> None:
+def test_quantisation_and_a_ramp_are_distinguished() -> None:
     draw = np.random.default_rng(3)
     step = np.diff(draw.uniform(-0.5, 0.5, 40_001)) * 0.02 * 100  # angle rounded to 0.02, at 100 Hz
     model = fit_noise(allan_curve([step], 100.0, averaging_lengths(40_000, 8)))
@@ -141,7 +141,7 @@ def test_quantisation_and_a_ramp_are_told_apart() -> None:
     assert "The bias drifts by 3.7 °/s/h" in results["notes"][0]
 
 
-def test_motion_is_left_out_and_told() -> None:
+def test_motion_is_left_out_and_reported() -> None:
     still = noise(30_000, 100.0, 0.01, 0.0, 4)
     moved = still.copy()
     moved[10_000:11_000] += 20 * np.sin(np.arange(1000) / 20)
@@ -162,7 +162,7 @@ def warmed(of: Signal, seed: int = 7, rise: float = 8.0) -> tuple[Signal, Floats
 
 
 @each_row("walk", [0.0, 1e-4])
-def test_a_temperature_drift_is_removed_and_told_and_the_noise_is_as_without_it(walk: float) -> None:
+def test_a_temperature_drift_is_removed_and_reported_and_the_noise_is_as_without_it(walk: float) -> None:
     coefficient, density, n = 0.02, 0.01, 60_000
     inside = 0
     for seed in range(6):
@@ -228,7 +228,7 @@ def test_nothing_is_computed_across_a_gap() -> None:
     assert result["notes"][0] == "1 gap, 3 s in sum: nothing is computed across a gap."
 
 
-def test_jitter_is_told() -> None:
+def test_jitter_is_reported() -> None:
     draw = np.random.default_rng(6)
     time = np.arange(5000) / 100 + draw.normal(0, 0.002, 5000)
     [note] = analysed(signal(draw.normal(0, 1, 5000), 100.0, time))["notes"]

@@ -125,7 +125,7 @@ def test_a_gap_is_not_bridged() -> None:
     assert "1 gap, 1.4 s in sum" in results["notes"][0]
 
 
-def test_a_rising_end_of_the_spectrum_is_told() -> None:
+def test_a_rising_end_of_the_spectrum_is_reported() -> None:
     assert "may hold such parts" in analysed("psd", signal(white(20_000)))[0]["notes"][-1]
     smooth = scipy_signal.lfilter(np.ones(8) / 8, 1, white(20_000))
     assert "may hold such parts" not in analysed("psd", signal(smooth))[0]["notes"][-1]
@@ -153,7 +153,7 @@ def test_the_spectrogram_follows_a_chirp_in_the_time_of_the_samples() -> None:
     assert units["time"] == "s"
 
 
-def test_the_spectrogram_has_no_column_in_a_gap_and_is_thinned_as_told() -> None:
+def test_the_spectrogram_has_no_column_in_a_gap_and_is_thinned_as_reported() -> None:
     time = np.arange(20_000) / RATE
     rows = np.r_[0:8000, 10_000:20_000]
     results, _ = analysed("spectrogram", signal(white(20_000)[rows], time[rows]), length=128, columns=50)

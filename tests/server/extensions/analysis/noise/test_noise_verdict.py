@@ -40,7 +40,7 @@ def verdicts(signal: Signal, sheet: DataSheetNoise = SHEET) -> dict[str, tuple[s
     return {one["parameter"]: (one["state"], one["words"]) for one in figures["verdicts"]}
 
 
-def test_a_sensor_as_its_data_sheet_says_meets_it() -> None:
+def test_a_sensor_as_its_data_sheet_states_meets_it() -> None:
     state, words = verdicts(resting(0.005))["random_walk"]
     assert state == "met"
     assert "0.3 °/√h of the MTi-630 data sheet" in words
@@ -69,7 +69,7 @@ def test_a_figure_near_its_limit_is_left_open() -> None:
     assert "near the limit of the 0.3 °/√h of the MTi-630 data sheet. Record longer" in words
 
 
-def test_an_accelerometer_is_told_in_the_units_of_its_data_sheet() -> None:
+def test_an_accelerometer_is_judged_in_the_units_of_its_data_sheet() -> None:
     sheet = DataSheetNoise("MTi-630", 60e-6 * 9.80665, 15e-6 * 9.80665)
     results = verdicts(resting(180e-6 * 9.80665, unit="m/s²"), sheet)
     assert re.match(r"Random walk 0\.1\d* m/s/√h: (2\.9|3|3\.1) times the 0\.0353 m/s/√h", results["random_walk"][1])

@@ -99,7 +99,7 @@ WRONG = [
 
 
 @each_row(("fault", "words", "more"), [row[1:] for row in WRONG], ids=[row[0] for row in WRONG])
-def test_what_is_wrong_prevents_a_verdict_and_is_said(fault: Fault, words: str, more: dict[str, Any]) -> None:
+def test_what_is_wrong_prevents_a_verdict_and_is_reported(fault: Fault, words: str, more: dict[str, Any]) -> None:
     """Regression: a swinging and a dead sensor met the data sheet, and a vibration line became its noise."""
     sensor = at_rest(7, **more.get("of", {}))
     fault(sensor)
@@ -138,7 +138,7 @@ def test_an_honest_sensor_gets_its_verdict(noise: dict[str, float], signal: str,
     assert results["unchecked"] == ""
 
 
-def test_of_a_sensor_in_motion_only_that_is_said() -> None:
+def test_of_a_sensor_in_motion_only_that_is_reported() -> None:
     """Regression: four sentences for one motion hid what to do."""
     sensor = at_rest(7, seconds=49.0)
     carried(sensor, 0.76)
@@ -165,7 +165,7 @@ def test_motion_is_a_part_of_the_samples_not_of_the_time_between_two_ranges() ->
     assert note.endswith(", 20 % of the range.") or note.endswith(", 21 % of the range.")
 
 
-def test_what_could_not_be_looked_at_is_stated() -> None:
+def test_what_could_not_be_examined_is_stated() -> None:
     sensor = at_rest(7)
     sensor.sends = ("force", "temperature")
     assert (

@@ -212,7 +212,7 @@ def test_a_damaged_file_gives_what_is_before_the_damage(
     assert again.boot in stored(folder)
 
 
-def test_a_full_disk_is_told_once_and_written_to_when_there_is_room(
+def test_a_full_disk_is_reported_once_and_written_to_when_there_is_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.01)

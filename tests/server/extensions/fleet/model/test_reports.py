@@ -179,7 +179,7 @@ def test_long_events_in_another_script_fit_into_reports() -> None:
     assert (count, journal.dropped) == (100, 0)
 
 
-def test_a_status_that_nobody_could_read_is_left_out() -> None:
+def test_a_status_that_no_one_could_read_is_left_out() -> None:
     journal = Journal()
     wrong = RobotStatus(devices=(RobotDevice("1", "MTi-630", "live", rate=math.nan),))
     report = decode_report(journal.report(1.0, wrong))

@@ -67,7 +67,7 @@ def test_words_and_fields_of_later_versions_are_taken(
 
 
 @given(words, words, fields)
-def test_the_page_is_told_them_as_they_are(status: str, level: str, more: dict[str, Any]) -> None:
+def test_the_page_receives_them_as_they_are(status: str, level: str, more: dict[str, Any]) -> None:
     robots = Robots(lambda: 1_700_000_000.0)
     collector = Collector(robots, [], lambda: 1_700_000_000.0)
     collector.on_token(keys.token_key("otter", BOOT), alive=True)
@@ -111,6 +111,6 @@ def test_a_skipped_field_that_cannot_be_read_does_not_spoil_the_report() -> None
     assert report.status.more == {}
 
 
-def test_a_robot_of_this_version_says_nothing_unknown() -> None:
+def test_a_robot_of_this_version_states_nothing_unknown() -> None:
     report = decode_report(Journal().report(1.0, RobotStatus(version="1.0")))
     assert not unknown_parts(report)

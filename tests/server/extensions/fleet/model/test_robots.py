@@ -168,7 +168,7 @@ def test_the_route_lists_robots_and_changes(server: InProcessServer) -> None:
     assert (wrong.status_code, wrong.json()["kind"]) == (422, "bad-request")
 
 
-def test_a_server_of_one_robot_says_that_it_has_no_fleet(tmp_path: Path) -> None:
+def test_a_server_of_one_robot_states_that_it_has_no_fleet(tmp_path: Path) -> None:
     with InProcessServer(Config(data=tmp_path, sources=("fake",)), FakeLink) as running:
         assert running.client.get("/api/build").json()["fleet"] is False
         refused = running.client.get("/api/fleet/robots")

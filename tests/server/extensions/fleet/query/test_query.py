@@ -65,7 +65,7 @@ def test_values_that_are_not_finite_are_null(value: str, commands: Commands, sto
     assert commands.query(store, f"SELECT {value} AS x, [{value}] AS l") == [{"x": None, "l": [None]}]
 
 
-def test_columns_of_one_name_are_told_apart(commands: Commands, store: Path) -> None:
+def test_columns_of_one_name_are_distinguished(commands: Commands, store: Path) -> None:
     (row,) = commands.query(store, "SELECT 1 AS a, 2 AS a, 3 AS b")
     assert sorted(row.values()) == [1, 2, 3]
 

@@ -106,7 +106,7 @@ def test_an_answer_as_json(server: InProcessServer) -> None:
     assert answer["seconds"] >= 0
 
 
-def test_an_answer_as_json_is_cut_and_says_so(server: InProcessServer) -> None:
+def test_an_answer_as_json_is_cut_and_states_it(server: InProcessServer) -> None:
     for rows, more in ((99_999, True), (100_000, False)):
         answer = _query(server, sql="SELECT range AS n FROM range(100000)", rows=rows).json()
         assert (len(answer["rows"]), answer["rows"][-1], answer["more"]) == (rows, [rows - 1], more)

@@ -42,7 +42,7 @@ def learned(folder: Path, *settings: DeviceSettings) -> GroupProfiles:
     return profiles
 
 
-def test_a_robot_that_differs_is_told_with_its_differences(tmp_path: Path) -> None:
+def test_a_robot_that_differs_is_reported_with_its_differences(tmp_path: Path) -> None:
     right, wrong = settings_at(100), settings_at(400)
     profiles = learned(tmp_path, right, wrong)
     first, second = robot("a", right), robot("b", wrong)
@@ -84,7 +84,7 @@ def test_a_file_of_profiles_that_is_damaged_does_not_stop_the_server(tmp_path: P
         assert profiles.judged(first).settings == "unknown"
 
 
-def test_settings_are_asked_for_once_for_all_robots_that_have_them(tmp_path: Path) -> None:
+def test_settings_are_requested_once_for_all_robots_that_have_them(tmp_path: Path) -> None:
     profiles, right = GroupProfiles(tmp_path), settings_at(100)
     for name in "abc":
         profiles.judged(robot(name, right))
@@ -95,7 +95,7 @@ def test_settings_are_asked_for_once_for_all_robots_that_have_them(tmp_path: Pat
     assert list(profiles.questions(60.0, 10)) == []
 
 
-def test_settings_of_a_device_that_is_gone_are_not_asked_for(tmp_path: Path) -> None:
+def test_settings_of_a_device_that_is_gone_are_not_requested(tmp_path: Path) -> None:
     """They were asked for as long as the robot was live."""
     profiles, there = GroupProfiles(tmp_path), robot("a", settings_at(100))
     profiles.judged(there)

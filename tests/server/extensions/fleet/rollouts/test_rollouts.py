@@ -130,7 +130,7 @@ def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(fleet: Ro
 OWN_HZ = 5  # that somebody sets at the robot
 
 
-def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(fleet: RolloutFleet) -> None:
+def test_settings_that_a_user_changed_in_the_meantime_are_not_overwritten(fleet: RolloutFleet) -> None:
     fleet.roll_out(waves="1")
     fleet.until_state("b", "watching")
     outputs = fleet.values("c")["OutputConfiguration"]
@@ -188,7 +188,7 @@ def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
         assert over["devices"][1]["words"] == "The robot was lost before anything was sent."
 
 
-def test_a_fleet_server_that_is_killed_says_what_it_interrupted_and_sends_nothing_again(tmp_path: Path) -> None:
+def test_a_fleet_server_that_is_killed_states_what_it_interrupted_and_sends_nothing_again(tmp_path: Path) -> None:
     with RolloutFleet(tmp_path, is_process=True) as fleet:
         fleet.roll_out()
         fleet.until_state("b", "watching")
@@ -239,7 +239,7 @@ def test_what_a_robot_answers_does_no_harm(status: int, data: bytes) -> None:
         assert isinstance(result, dict)
 
 
-def test_a_plan_of_thousands_looks_at_each_kind_of_settings_once(tmp_path: Path) -> None:
+def test_a_plan_of_thousands_examines_each_kind_of_settings_once(tmp_path: Path) -> None:
     driver = PROTOCOLS["xbus"].configuration.driver
     assert driver is not None
     profiles = GroupProfiles(tmp_path)

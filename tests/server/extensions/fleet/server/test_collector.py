@@ -146,7 +146,7 @@ def test_events_are_pruned_by_a_server_that_is_started_often(tmp_path: Path, mon
         assert len(database.events()) <= 10 + 8
 
 
-def test_reports_that_overtake_the_first_answer_are_asked_for(new_bus: Bus) -> None:
+def test_reports_that_overtake_the_first_answer_are_requested(new_bus: Bus) -> None:
     """Without a later report they were missing for minutes."""
     bus = new_bus
     bus.report()
@@ -173,7 +173,7 @@ def test_a_robot_comes_and_goes(bus: Bus) -> None:
     assert (robot.state, robot.version, robot.since) == ("lost", "1", bus.time)
 
 
-def test_a_report_that_is_missing_is_asked_for(bus: Bus) -> None:
+def test_a_report_that_is_missing_is_requested(bus: Bus) -> None:
     bus.request()
     bus.report()
     bus.report(arrives=False)
@@ -184,7 +184,7 @@ def test_a_report_that_is_missing_is_asked_for(bus: Bus) -> None:
     assert bus.events == ["1", "2", "3"]
 
 
-def test_the_last_report_before_a_silence_is_asked_for(bus: Bus) -> None:
+def test_the_last_report_before_a_silence_is_requested(bus: Bus) -> None:
     bus.report(arrives=False)
     bus.catch_up()
     assert bus.events == ["1"]

@@ -126,7 +126,7 @@ def test_what_could_not_be_stored_is_stored_later(tmp_path: Path) -> None:
     assert Judged(tmp_path / "folder").judge(robot(loss=0.5)) == [("loss", "raised")]
 
 
-def test_a_damaged_file_begins_anew(tmp_path: Path) -> None:
+def test_a_damaged_file_begins_again(tmp_path: Path) -> None:
     for text in (
         "",
         "[]",
@@ -144,7 +144,7 @@ def test_a_robot_that_was_removed_has_no_alarm(tmp_path: Path) -> None:
     assert judged.alarms.with_alarms(robot()).alarms == []
 
 
-def test_a_lost_robot_is_told_on_the_page_and_by_webhook(tmp_path: Path, receiver: Receiver) -> None:
+def test_a_lost_robot_is_reported_on_the_page_and_by_webhook(tmp_path: Path, receiver: Receiver) -> None:
     bodies = receiver.bodies
     config = tmp_path / "fleet.toml"
     config.write_text(f'[fleet_server]\nalarm_lost_s = 0.5\nalarm_webhook = "{receiver.url}"\n')

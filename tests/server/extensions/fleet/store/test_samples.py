@@ -148,7 +148,7 @@ def test_a_prepared_question_is_answered_by_an_empty_store_too(name: str, comman
     assert (status, out) == (0, QUESTIONS[name].sql + "\n")
 
 
-def test_the_prepared_questions_find_what_they_ask_for(commands: Commands, store: Path, long_recording: Path) -> None:
+def test_the_prepared_questions_find_what_they_are_for(commands: Commands, store: Path, long_recording: Path) -> None:
     commands.uploaded(long_recording, store)
 
     def request(name: str) -> list[dict[str, object]]:

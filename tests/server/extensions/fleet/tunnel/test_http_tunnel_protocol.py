@@ -225,7 +225,7 @@ async def test_streams_end_when_the_other_side_is_silent(monkeypatch: pytest.Mon
         await until(lambda: there.robot.streams == 0, "the robot has ended it, too")
 
 
-async def test_both_sides_tell_each_other_that_they_are_there() -> None:
+async def test_both_sides_report_to_each_other_that_they_are_there() -> None:
     async with line() as there:
         stream = there.request("/api/wait")
         received = there.fleet.bytes
@@ -268,7 +268,7 @@ async def test_a_request_that_was_lost_on_the_way_is_noticed() -> None:
         assert await body(other) == b"short"
 
 
-async def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -> None:
+async def test_a_robot_that_sends_more_than_was_requested_is_not_listened_to() -> None:
     async with line() as there:
         stream = there.request("/api/wait")
         there.fleet.take("a", encode(ResponseHead(stream.number, 0)))

@@ -297,7 +297,7 @@ def test_a_server_that_does_not_answer_is_one_line(
 
 
 @each_row(("package", "command"), [("deltalake", "upload"), ("obstore", "upload"), ("duckdb", "query")])
-def test_without_the_packages_the_commands_say_what_to_install(
+def test_without_the_packages_the_commands_state_what_to_install(
     package: str, command: str, recording: Path, store: Path
 ) -> None:
     source = ("upload", str(recording), "--robot", "a") if command == "upload" else ("query", "SELECT 1")

@@ -147,7 +147,7 @@ async def _never(module: str, *arguments: str, **more: Any) -> Worker:
     raise AssertionError
 
 
-def test_a_store_that_fails_is_told_and_tried_again(tmp_path: Path) -> None:
+def test_a_store_that_fails_is_reported_and_tried_again(tmp_path: Path) -> None:
     """A full disk likewise: the words are those of the store."""
     data, store = tmp_path / "data", tmp_path / "store"
     store.write_text("in the way")
@@ -166,7 +166,7 @@ def test_a_store_that_fails_is_told_and_tried_again(tmp_path: Path) -> None:
     assert stored(store) == ["a.mcap"]
 
 
-def test_a_backlog_that_fills_the_quota_is_told_once(tmp_path: Path) -> None:
+def test_a_backlog_that_fills_the_quota_is_reported_once(tmp_path: Path) -> None:
     data, store = tmp_path / "data", tmp_path / "store"
     store.write_text("in the way")
     size = 0

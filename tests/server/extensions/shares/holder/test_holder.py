@@ -80,7 +80,7 @@ def test_a_terminal_may_have_an_owner_and_permissions() -> None:
         ("tcp://:4001?group=x", "no option 'group'"),
     ],
 )
-def test_a_wrong_address_says_what_is_allowed(text: str, words: str) -> None:
+def test_a_wrong_address_states_what_is_allowed(text: str, words: str) -> None:
     with pytest.raises(ShareError, match=words):
         ShareAddress.parse(text)
 

@@ -1,17 +1,17 @@
-"""`python -m imuscope.server.generators.ts_types`: all TypeScript files generated from the server.
+"""`python -m imuscope.server.generators`: the files generated from the server that are not in git.
 
 server/wire/ and the models of two pages ─> web/src/wire/{,form-,recording-}types.ts   server/reference/typescript.py
 /openapi.json                              ─> web/src/wire/routes.ts                    server/generators/route_types.py
+                                           ─> docs/http-api.md                          server/generators/docs.py
 
-python -m imuscope.server.generators.ts_types            write the files
-python -m imuscope.server.generators.ts_types --check    exit status 1 when one is stale
+The check does it (tests/check.py). The page is built without them: to build it, types are removed.
 """
 
 import re
-import sys
 
 from imuscope.server.generators import route_types as generate_route_types
-from imuscope.server.generators.files import write
+from imuscope.server.generators.docs import HTTP_API, documents
+from imuscope.server.generators.files import document, write
 from imuscope.server.reference.typescript import PAGE, TARGETS, generate
 
 ROUTES = PAGE / "wire" / "routes.ts"
@@ -30,5 +30,6 @@ def generate_routes() -> str:
 
 
 if __name__ == "__main__":
-    files = [*((target.path, generate(target)) for target in TARGETS), (ROUTES, generate_routes())]
-    raise SystemExit(write(files, sys.argv[1:], "generators.ts_types"))
+    write((target.path, generate(target)) for target in TARGETS)
+    write([(ROUTES, generate_routes())])
+    write((path, text) for path, text in documents(document()) if path.name == HTTP_API)
