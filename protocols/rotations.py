@@ -1,7 +1,7 @@
 """Rotation mathematics: quaternions, matrices and Euler angles of attitudes. The only place that has any.
 
-    R = Rz(yaw) Ry(pitch) Rx(roll)     frame from body, angles in °, yaw first; within `GIMBAL` of pitch ±90° roll is 0
-                                       and yaw takes the rest; a quaternion without length has no angles (NaN)
+    R = Rz(yaw) Ry(pitch) Rx(roll)     frame from body, angles in °, yaw first; near pitch ±90° (`GIMBAL_SINE`) roll
+                                       is 0 and yaw takes the rest; a quaternion without length has no angles (NaN)
 
     q_enu_from_body = q_enu_from_frame ⊗ q_frame_from_body        frame: ENU, NED or NWU; scalar first
 
@@ -28,7 +28,7 @@ Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
 Part = TypeVar("Part", float, Floats)
 
-GIMBAL = 1 - 1e-11
+GIMBAL_SINE = 1 - 1e-11
 
 _HALF = math.sqrt(0.5)
 ENU_FROM: Mapping[str, Quaternion] = {
@@ -55,7 +55,7 @@ def euler_columns(columns: Sequence[Array]) -> list[Floats]:
         m = parts if len(parts) == 9 else _matrix(*parts)
         down = -m[6]
         pitch = np.degrees(np.arcsin(np.clip(down, -1.0, 1.0)))
-        locked = np.abs(down) > GIMBAL
+        locked = np.abs(down) > GIMBAL_SINE
         roll = np.where(locked, 0.0, np.degrees(np.arctan2(m[7], m[8])))
         yaw = np.degrees(np.where(locked, np.arctan2(-m[1], m[4]), np.arctan2(m[3], m[0])))
     roll = np.where(np.isnan(pitch), np.nan, roll)

@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 SUFFIX = ".mcap"
-_LONGEST = 40
+_MAX_CHARS = 40
 LONGEST_NAME = 120
 DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # reserved names on Windows
 
 
 def slug(text: str) -> str:
     """Letters, digits, dash and underscore of a text."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:_LONGEST].strip("-")
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:_MAX_CHARS].strip("-")
 
 
 def device_names(devices: Sequence[Mapping[str, Any]]) -> dict[str, str]:

@@ -12,7 +12,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from imuscope.protocols.can.lines import EXTENDED, MARK
+from imuscope.protocols.can.lines import EXTENDED_BIT, MARK
 from imuscope.protocols.can.mti import MTI
 from imuscope.protocols.can.rows import CanDeviceKind, CanRow
 
@@ -80,7 +80,7 @@ def read_step(body: bytes) -> int | None:
 
 def identifier_text(number: int) -> str:
     """An identifier as in a log: three hexadecimal digits, or eight for 29 bits."""
-    return f"{number - EXTENDED:08X}" if number >= EXTENDED else f"{number:03X}"
+    return f"{number - EXTENDED_BIT:08X}" if number >= EXTENDED_BIT else f"{number:03X}"
 
 
 def number_of(text: str) -> int:
@@ -91,6 +91,6 @@ def number_of(text: str) -> int:
     """
     digits = text.strip().lower().removeprefix("0x")
     number = int(digits, 16)
-    if not 0 <= number < EXTENDED >> 2 or len(digits) > 8 or number < 0 or not digits.isalnum():
+    if not 0 <= number < EXTENDED_BIT >> 2 or len(digits) > 8 or number < 0 or not digits.isalnum():
         raise ValueError(f"{text} is not an identifier of CAN")
-    return number + EXTENDED if len(digits) == 8 or number > 0x7FF else number
+    return number + EXTENDED_BIT if len(digits) == 8 or number > 0x7FF else number

@@ -32,13 +32,13 @@ DATA, REQUEST, FD, ERROR, DEFINITION = range(5)
 STAMP, BUS, BUS_KEY = range(QUANTITIES, QUANTITIES + 3)
 """Further quantities of a line: ns since 1970 (-1 without one), place of the name of the bus, a number made of it."""
 LINE = QUANTITIES + 3
-EXTENDED = 1 << 31
+EXTENDED_BIT = 1 << 31
 """Added to an identifier of 29 bits."""
 MARK = b"#CAN "
 _MARK, _MARK_SIZE = np.frombuffer(MARK, np.uint8), len(MARK)
 DAMAGED = -1
 UNFINISHED = -2
-LONGEST = 512  # bytes of a line with 64 bytes of data, and more than any
+MAX_LINE_BYTES = 512  # bytes of a line with 64 bytes of data, and more than any
 LONGEST_DEFINITION = 16_384
 LONGEST_NAME = 16  # of a bus; IFNAMSIZ of Linux
 _OPEN, _CLOSE, _HASH, _BLANK, _DOT, _NEWLINE, _R, _LONG_CODE = b"()# .\nR_"
@@ -102,7 +102,7 @@ def identifier_at(data: Bytes, at: int, end: int) -> tuple[int, int, int, int]:
     if digits == 8:
         if number & _ERROR_FLAG:
             return number & (_ERROR_FLAG - 1), ERROR, digits, at
-        return (number & (_ERROR_FLAG - 1)) + EXTENDED, DATA, digits, at
+        return (number & (_ERROR_FLAG - 1)) + EXTENDED_BIT, DATA, digits, at
     return number & 0x7FF, DATA, digits, at
 
 
@@ -160,10 +160,10 @@ def frame_at(data: Bytes, at: int, end: int, line: Ints) -> int:
     Returns:
         the place after it; DAMAGED if it is no such line, UNFINISHED if it may become one.
     """
-    stop = line_end(data, at, min(end, at + LONGEST))
+    stop = line_end(data, at, min(end, at + MAX_LINE_BYTES))
     after = stop + 1
     if stop == end or int(data[stop]) != _NEWLINE:
-        if stop - at >= LONGEST:
+        if stop - at >= MAX_LINE_BYTES:
             return DAMAGED
         after = UNFINISHED
     place = at + 1
@@ -254,7 +254,7 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
         if first != _OPEN and (first != _HASH or not _is_mark(data, at, end)):
             at += 1
             continue
-        limit = at + (LONGEST if first == _OPEN else LONGEST_DEFINITION)
+        limit = at + (MAX_LINE_BYTES if first == _OPEN else LONGEST_DEFINITION)
         stop = line_end(data, at, min(end, limit))
         if stop == end and stop < limit and not final:  # wait for the line feed, so that all is decided at once
             break

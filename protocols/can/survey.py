@@ -20,10 +20,10 @@ from imuscope.protocols.can.definition import KINDS, CanDefinition, identifier_t
 from imuscope.protocols.can.rows import CanDeviceKind, CanRow
 from imuscope.protocols.schema.plural import counted
 
-FITTING = 0.9  # of the frames of an identifier
-FEWEST, FEWEST_LENGTHS = 3, 2  # messages with a base
+MIN_FITTING_SHARE = 0.9  # of the frames of an identifier
+MIN_MESSAGES, MIN_LENGTHS = 3, 2  # messages with a base
 LOW_BITS = 0x7F
-NEAR = 0.2  # of a rate
+RATE_TOLERANCE = 0.2  # of a rate
 
 
 @dataclass(slots=True)
@@ -48,11 +48,11 @@ class CanIdentifier:
 
     def fits(self, row: CanRow) -> bool:
         """Whether its frames can be that message."""
-        if self.of_length.get(row.size, 0) < FITTING * self.frames:
+        if self.of_length.get(row.size, 0) < MIN_FITTING_SHARE * self.frames:
             return False
         if row.is_plausible is None or not len(self.data):
             return True
-        return float(row.is_plausible(self.data).mean()) >= FITTING
+        return float(row.is_plausible(self.data).mean()) >= MIN_FITTING_SHARE
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ def _sets(
             bases.setdefault(one.number & ~LOW_BITS, {})[one.number] = row
     for base, rows in bases.items():
         lengths = {row.size for row in rows.values()}
-        if len(rows) >= FEWEST and len(lengths) >= FEWEST_LENGTHS:
+        if len(rows) >= MIN_MESSAGES and len(lengths) >= MIN_LENGTHS:
             text = identifier_text(base)
             words = (
                 f"Identifiers from {text} on are taken for those of the documents, by {counted(len(rows), 'message')}"
@@ -155,7 +155,7 @@ def _tick(kind: CanDeviceKind, rows: Mapping[int, CanRow], log: Sequence[CanIden
         return usual, f"{name} is taken to count {usual // 1000} µs: the log has no times to compare it with."
     measured = float(np.median(passed[good] / ticks[good]))
     for tick_ns in kind.ticks_ns:
-        if abs(measured / tick_ns - 1) < NEAR:
+        if abs(measured / tick_ns - 1) < RATE_TOLERANCE:
             words = "" if tick_ns == usual else f"{name} counts {tick_ns // 1000} µs, by the times of the log."
             return tick_ns, words
     return usual, f"{name} is taken to count {usual // 1000} µs, though it does not run like the times of the log."

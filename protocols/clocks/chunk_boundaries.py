@@ -21,7 +21,7 @@ import numpy as np
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.clocks.kernels import earliest_sent
 
-FEW = 64  # chunks that cost less to convert than to search
+SEARCHED_CHUNKS = 64  # chunks that cost less to convert than to search
 
 
 class ChunkBoundaries:
@@ -62,7 +62,7 @@ class ChunkBoundaries:
             (n,) unix ns.
         """
         first, last = 0, len(self._ends)
-        if last > FEW and len(offset):  # a frame is timed by the first chunk that ends after its start: no others count
+        if last > SEARCHED_CHUNKS and len(offset):  # a frame is timed by the first chunk that ends after its start
             first = bisect_right(self._ends, int(offset.min()))
             last = bisect_right(self._ends, int(offset.max()), first) + 1
         ends, arrivals = np.array(self._ends[first:last], np.int64), np.array(self._arrivals[first:last], np.int64)

@@ -57,7 +57,7 @@ from imuscope.protocols.clocks.kernels import host_times
 WINDOW_S = 120  # memory of the envelope: a beat between a 125 Hz stream and 16 ms polls takes 80 s at 100 ppm; with a
 # longer one a drift that changes by 8 ppm a minute (a sensor warming up) would cost more than half a millisecond
 BUCKET_NS = 1e9  # one point is kept per bucket
-CRYSTAL = 50e-6  # drift of a usual crystal
+CRYSTAL_DRIFT = 50e-6  # drift of a usual crystal
 SURE_S, UNSURE_S = 1.0, 8.0  # limits of S
 DRIFT_SPANS = 3.0  # S, from which on the drift is known: nine tenths of the slope count
 MAX_DRIFT = 1e-3  # a crystal is 20-100 ppm off; an RC oscillator may be worse
@@ -66,14 +66,14 @@ PLAN_TIME_NS = 0.25e9  # ... to meet the line after this time
 SLEW, SLEW_EARLY, SLEW_FAR = 0.005, 0.05, 0.5  # slope error while settled; in the first seconds; when far off
 FAR_NS = 50e6
 EARLY_NS = 3e9
-KNOTS = 1024
+MAX_KNOTS = 1024
 PRIOR_NS, PRIOR_ROWS = 16e6, 16  # initially: one burst of a USB adapter; halved after this many rows
 COMMON_DRIFT = 1e-4  # bound of a drift not yet known
 FLOOR_NS = 100e3  # scheduling of the reading thread itself, and the tick of an MTi's clock
 SHARP_NS = 50e3  # best accuracy of the least late point of a second
 FEWEST_POINTS = 6  # of the envelope, from which their own scatter gives their accuracy
 FORGET_NS = 120e9  # a delay hidden by an adapter moves with the drift between two crystals: for this long ...
-WANDER = 1.4  # ... it may have moved by the hidden amount, and more, while the drift was learned
+WANDER_FACTOR = 1.4  # ... it may have moved by the hidden amount, and more, while the drift was learned
 JUDGED_NS, JUDGED_FROM = 0.2e9, 64  # how often the delays are judged, once there are this many
 JUDGED_LATER_NS, LATER_NS = 1e9, 30e9  # and how often after that time: those of the last seconds change slowly then
 STEP_NS = 50e6  # rows this far below the line are a step of the clock: three times the longest USB burst
@@ -103,8 +103,8 @@ class ClockModel:
         self._buckets: deque[tuple[float, float]] = deque(maxlen=WINDOW_S)
         self._bucket_end = -np.inf
         self._lowest: tuple[float, float] | None = None  # lowest point of the open bucket
-        self._knot_x = np.zeros(2 * KNOTS)
-        self._knot_h = np.zeros(2 * KNOTS)
+        self._knot_x = np.zeros(2 * MAX_KNOTS)
+        self._knot_h = np.zeros(2 * MAX_KNOTS)
         self._breakpoints = 1
         self._final_slope = 1.0  # of the mapping after its last knot
         self._planned = -np.inf
@@ -217,10 +217,10 @@ class ClockModel:
         n = self._breakpoints
         while n > 1 and self._knot_x[n - 1] >= settled:
             n -= 1
-        if n + 2 > 2 * KNOTS:
-            self._knot_x[:KNOTS] = self._knot_x[n - KNOTS : n]
-            self._knot_h[:KNOTS] = self._knot_h[n - KNOTS : n]
-            n = KNOTS
+        if n + 2 > 2 * MAX_KNOTS:
+            self._knot_x[:MAX_KNOTS] = self._knot_x[n - MAX_KNOTS : n]
+            self._knot_h[:MAX_KNOTS] = self._knot_h[n - MAX_KNOTS : n]
+            n = MAX_KNOTS
         if settled > self._knot_x[n - 1]:
             self._knot_x[n], self._knot_h[n] = settled, h
             n += 1
@@ -289,10 +289,10 @@ class ClockModel:
         spread = self.spread = self.late.spread(self.newest)
         if spread.hold and self.newest > RECENT_NS:
             faded = min(max((self.newest - self._tested) / FORGET_NS, 0.0), 1.0)
-            self._wander = max(WANDER * spread.hidden, self._wander * (1 - faded))
+            self._wander = max(WANDER_FACTOR * spread.hidden, self._wander * (1 - faded))
         doubt = spread.low + max(spread.hidden, min(COMMON_DRIFT * self.newest, self._wander))
         vague = max(self._wander, spread.gap if self._scatter is None else self._scatter)
-        self._shrink_s = min(max((vague + SHARP_NS) / CRYSTAL / 1e9, SURE_S), UNSURE_S)
+        self._shrink_s = min(max((vague + SHARP_NS) / CRYSTAL_DRIFT / 1e9, SURE_S), UNSURE_S)
         self._tested = self.newest
         span, shrink = self.newest / 1e9, self._shrink_s
         value = max(PRIOR_NS * PRIOR_ROWS / (PRIOR_ROWS + self.late.rows), doubt)

@@ -30,15 +30,15 @@ import numpy as np
 from imuscope.protocols.arrays import Array, Floats
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clocks.clock_model import ClockModel
-from imuscope.protocols.clocks.delay_stats import FEWEST, DelaySpread, DelayStatistics
+from imuscope.protocols.clocks.delay_stats import MIN_DELAYS, DelaySpread, DelayStatistics
 from imuscope.protocols.clocks.kernels import decreases, delays_of
 
 LATE_NS = 10e9
 CONFIRM_ROWS = 3
 FAR_NS = 0.5e9  # a row this far from a candidate belongs to yet another clock
-BLOCK = 512  # rows processed together; one point of the envelope each
-SOURCES = 256  # messages whose order is remembered
-FIRST = -(1 << 62)  # before any device time
+BLOCK_ROWS = 512  # rows processed together; one point of the envelope each
+MAX_SOURCES = 256  # messages whose order is remembered
+FIRST_NS = -(1 << 62)  # before any device time
 
 
 @dataclass(slots=True)
@@ -193,10 +193,10 @@ class ClockSync:
 
     def _add(self, rows: _Rows, *, back: bool) -> Floats:
         """Learn and map, a block at a time, with the knowledge at that point."""
-        if len(rows) <= BLOCK:
+        if len(rows) <= BLOCK_ROWS:
             return self._block(rows, back=back)
-        starts = range(0, len(rows), BLOCK)
-        return np.concatenate([self._block(rows.rows(slice(at, at + BLOCK)), back=back) for at in starts])
+        starts = range(0, len(rows), BLOCK_ROWS)
+        return np.concatenate([self._block(rows.rows(slice(at, at + BLOCK_ROWS)), back=back) for at in starts])
 
     def _block(self, rows: _Rows, *, back: bool) -> Floats:
         device = rows.device
@@ -246,7 +246,7 @@ class ClockSync:
     def _goes_back(self, part: TimedRows) -> bool:
         """Whether the time of a message goes back against its own last time."""
         source, device = part.source, part.device
-        if len(self._last) > SOURCES:
+        if len(self._last) > MAX_SOURCES:
             for known in (self._last, self._published, self._counts):
                 known.clear()
         count = self._counts[source] = self._counts.get(source, 0) + len(device)
@@ -254,7 +254,7 @@ class ClockSync:
             self._main = source
         if decreases(device):
             return True
-        return int(device[0]) < self._last.get(source, FIRST)
+        return int(device[0]) < self._last.get(source, FIRST_NS)
 
     def _monotonic(self, source: int, host: Floats) -> Floats:
         """Limit mapped times so that no later time of the same message is earlier."""
@@ -282,7 +282,7 @@ class ClockSync:
             assert now is not None
             x = float(d - now.origin)
             delay = float(s - now.host_origin) - x - now.slope * x - now.intercept
-            back = d < self._running.get(source, FIRST)
+            back = d < self._running.get(source, FIRST_NS)
             if delay < -now.step_ns or (back and delay > now.step_ns):
                 of = self._check_outliers(d, s, a)
             else:
@@ -372,7 +372,7 @@ class ClockSync:
     @property
     def late_ns(self) -> float:
         """Delay of the newest frame against the mapping, ns; 0 while there are too few."""
-        return max(0.0, self._now.late.newest) if self._now and self._now.late.rows >= FEWEST else 0.0
+        return max(0.0, self._now.late.newest) if self._now and self._now.late.rows >= MIN_DELAYS else 0.0
 
     def jitter_ns(self, p: float = 99) -> float:
         """The `p`-th percentile of the delays of the last seconds: arrival against the mapping."""

@@ -33,16 +33,16 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Array
 
-HISTORY = 2048  # delays remembered
+MAX_DELAYS = 2048  # delays remembered
 RECENT_NS = 5e9
-FEWEST = 24  # delays needed for any conclusion
-PACKET = 62
+MIN_DELAYS = 24  # delays needed for any conclusion
+USB_PACKET_BYTES = 62
 USUAL_TIMER_NS = 16e6  # default of an adapter
 WAKE_NS = 1e6  # a running host reads within this time
 BURST_NS = 2e6  # an adapter that holds bytes no longer than this is harmless
 STALL_NS = 0.1e9  # a delay that only a host or a network causes
-UNSURE = 0.4
-STALLS = 8
+UNSURE_SHARE = 0.4
+MAX_STALLS = 8
 MIN_FIT_SHARE = 0.9  # share of the delays that must fit the known adapter
 
 
@@ -81,12 +81,12 @@ class DelayStatistics:
     def __init__(self, holds_ns: float = 0.0, byte_ns: float = 0.0) -> None:
         self.rows = 0
         self.newest = 0.0
-        self.stalls: deque[tuple[int, float]] = deque(maxlen=STALLS)
+        self.stalls: deque[tuple[int, float]] = deque(maxlen=MAX_STALLS)
         self._holds_ns = holds_ns
         self._byte_ns = byte_ns
-        self._delays = np.zeros(HISTORY)  # of the last bytes of frames
-        self._least = np.zeros(HISTORY)  # of the earliest bytes: the same if frames came whole
-        self._x = np.full(HISTORY, -np.inf)
+        self._delays = np.zeros(MAX_DELAYS)  # of the last bytes of frames
+        self._least = np.zeros(MAX_DELAYS)  # of the earliest bytes: the same if frames came whole
+        self._x = np.full(MAX_DELAYS, -np.inf)
         self._size = 0.0
         self._late, self._late_since = 0.0, 0  # delay and arrival of the first frame of a possible stall
 
@@ -99,24 +99,24 @@ class DelayStatistics:
             delay = delay + waited
         if self._late or delay[0] > STALL_NS:
             self._catches_up(float(delay[0]), float(delay[-1]), arrival)
-        start = self.rows % HISTORY
+        start = self.rows % MAX_DELAYS
         count = len(x)
         self.rows += count
         self.newest = float(delay[-1])
         self._size = size
-        if start + count <= HISTORY:
+        if start + count <= MAX_DELAYS:
             self._delays[start : start + count] = delay
             self._least[start : start + count] = least
             self._x[start : start + count] = x
         else:
-            rows = np.arange(start, start + count) % HISTORY
+            rows = np.arange(start, start + count) % MAX_DELAYS
             self._delays[rows] = delay
             self._least[rows] = least
             self._x[rows] = x
 
     def _catches_up(self, first: float, last: float, arrival: int) -> None:
         """Detect a stall: a late frame, after which the others come all at once without loss."""
-        if not self._late and self.rows >= FEWEST:
+        if not self._late and self.rows >= MIN_DELAYS:
             self._late, self._late_since = first, arrival
         if self._late and last < self._late / 4:
             self.stalls.append((arrival, self._late))
@@ -141,14 +141,14 @@ class DelayStatistics:
         soonest = self.minimum(newest)
         low = max(float(soonest[0]), 0.0)
         gap = float(np.diff(soonest[: count * 5 // 8 + 2]).max())
-        if count < FEWEST:
+        if count < MIN_DELAYS:
             return DelaySpread(low, 0.0, gap, max(gap, self._holds_ns))
         bursts = _bursts(delays)
         timer = self._holds_ns or (USUAL_TIMER_NS if bursts else 0.0)
         hold = min(timer, self._filled_after(newest))
         inside = delays[: int(np.searchsorted(delays, hold + WAKE_NS if hold else STALL_NS))]
         top = float(inside[len(inside) * 49 // 50]) if len(inside) else 0.0
-        sure = min(self._holds_ns, WAKE_NS) * UNSURE  # the delay of the least late ones is never known exactly
+        sure = min(self._holds_ns, WAKE_NS) * UNSURE_SHARE  # the delay of the least late ones is never known exactly
         longer = len(inside) < MIN_FIT_SHARE * count  # it keeps bytes for longer than assumed
         return DelaySpread(low, top, gap, gap if longer or not hold else max(sure, hold - top), bursts, hold)
 
@@ -158,8 +158,8 @@ class DelayStatistics:
         if len(recent) < 2 or self._size < 1:
             return USUAL_TIMER_NS
         period = (float(recent.max()) - float(recent.min())) / (len(recent) - 1)
-        more = -(-(PACKET - 1) // self._size)  # frames until 61 more bytes have come
-        return float(more * period + (PACKET - 1 - more * self._size) * self._byte_ns)
+        more = -(-(USB_PACKET_BYTES - 1) // self._size)  # frames until 61 more bytes have come
+        return float(more * period + (USB_PACKET_BYTES - 1 - more * self._size) * self._byte_ns)
 
 
 def _bursts(delays: Array) -> bool:
@@ -168,7 +168,7 @@ def _bursts(delays: Array) -> bool:
     """
     delays = delays[: int(np.searchsorted(delays, STALL_NS))]
     count = len(delays)
-    if count < FEWEST:
+    if count < MIN_DELAYS:
         return False
     middle, high, top = (float(delays[int(share * (count - 1))]) for share in (0.5, 0.9, 0.98))
     mean = float(delays.mean())

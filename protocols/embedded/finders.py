@@ -5,8 +5,8 @@
 
 Binary messages are searched for first, because their payloads may contain anything, even a `$`; sentences in the rest.
 If two overlap, the first valid one from the left wins. A false length costs nothing: it delays only the messages found
-here, by at most ubx.LONGEST bytes, and never a frame of the stream's own protocol, which the scanner finds before this
-search.
+here, by at most ubx.MAX_PAYLOAD_BYTES, and never a frame of the stream's own protocol, which the scanner finds before
+this search.
 """
 
 import re

@@ -28,8 +28,8 @@ WEEKLY = frozenset({"$VNGPS", "$VNGPE", "$VNINS", "$VNINE"})  # begin with time 
 GPS_EPOCH_NS = 315_964_800 * S
 LEAPS = ((1_483_228_800, 18), (1_435_708_800, 17), (1_341_100_800, 16), (1_230_768_000, 15), (0, 14))
 """Unix s from which GPS is ahead of UTC by so much, s."""
-OLDEST = 2000
-_HEAD = 6  # bytes of a UBX frame before its payload
+OLDEST_YEAR = 2000
+_UBX_HEAD_BYTES = 6  # bytes of a UBX frame before its payload
 _VERSION_FIRST = frozenset(
     {"NAV-HPPOSECEF", "NAV-HPPOSLLH", "NAV-EELL", "NAV-ODO", "NAV-RELPOSNED", "NAV-SVIN", "NAV-PL"}
 )
@@ -169,14 +169,14 @@ def _midnight(date: str) -> int | None:
     if len(date) != 6 or not date.isdecimal() or int(date[4:]) >= 80:
         return None
     try:
-        return int(datetime(OLDEST + int(date[4:]), int(date[2:4]), int(date[:2]), tzinfo=UTC).timestamp()) * S
+        return int(datetime(OLDEST_YEAR + int(date[4:]), int(date[2:4]), int(date[:2]), tzinfo=UTC).timestamp()) * S
     except ValueError:
         return None
 
 
 def _of_frame(name: str, line: str) -> tuple[str, int, int | None] | None:
     frame = bytes.fromhex(line)
-    payload = frame[_HEAD:-2]
+    payload = frame[_UBX_HEAD_BYTES:-2]
     if len(payload) < 4 or name in _VERSION_FIRST:
         return None
     within = int.from_bytes(payload[:4], "little") * 1_000_000
@@ -190,7 +190,7 @@ def _date(payload: bytes, at: int, nano_at: int) -> int | None:
     """UTC of a navigation solution, ns since 1970."""
     year = int.from_bytes(payload[at : at + 2], "little")
     month, day, hour, minute, second = payload[at + 2 : at + 7]
-    if year < OLDEST:
+    if year < OLDEST_YEAR:
         return None
     try:
         moment = datetime(year, month, day, hour, minute, min(second, 59), tzinfo=UTC)

@@ -10,9 +10,9 @@ A sensor's port carries NMEA 0183 sentences between, or instead of, its own fram
     │   address: talker and sentence, or P and a maker's own
     start; ! for encapsulated ones
 
-The framing is: a start, printable characters, a line end within `LONGEST` bytes, no other start between. A sentence
-with a wrong checksum, or broken off, is found too, with an empty name, so that losses are counted. Fields come from two
-places: `SENTENCES` below for those specific to one family of devices, pynmeagps for the rest.
+The framing is: a start, printable characters, a line end within `MAX_SENTENCE_BYTES`, no other start between. A
+sentence with a wrong checksum, or broken off, is found too, with an empty name, so that losses are counted. Fields
+come from two places: `SENTENCES` below for those specific to one family of devices, pynmeagps for the rest.
 
 Rules for editing: a new sentence is a row in `SENTENCES`. `dtype` "f8" is a number (None when the field is empty),
 "i8" a whole one, "ascii" a word. Widths and decimals are free: the document contradicts itself (PSONCMS has "MM,MMMM",
@@ -29,7 +29,7 @@ from typing import Any
 from imuscope.protocols.events import LazyMapping, ParsedMessage
 from imuscope.protocols.schema.fields import Field, Message
 
-LONGEST = 192  # the standard says 82; $PSONCMS needs 132
+MAX_SENTENCE_BYTES = 192  # the standard says 82; $PSONCMS needs 132
 _BODY = re.compile(rb"[$!]([\x20\x22\x23\x25-\x7e]{0,188})(\r?\n)?")  # printable, no other start
 _ADDRESS = re.compile(rb"[$!]([A-Z][A-Z0-9]{2,9})[,*]")
 _SUM = re.compile(rb"\*([0-9A-Fa-f]{2})$")
@@ -199,7 +199,7 @@ def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMess
             end = body.end(1)
             left = len(data) - end
             cut_short = left == 0 or (left == 1 and data[end] == 0x0D)
-            if cut_short and end - begin <= LONGEST - 4 and not final:
+            if cut_short and end - begin <= MAX_SENTENCE_BYTES - 4 and not final:
                 return messages, begin
             if _ADDRESS.match(data, begin):
                 messages.append(ParsedMessage(begin, end - begin, "nmea", "", _text(data[begin:end])))

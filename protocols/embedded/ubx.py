@@ -7,7 +7,7 @@ LENGTH counts the payload, little-endian. CK_A and CK_B are two running sums mod
 payload. A receiver's messages pass through the ports of an Inertial Sense device between its own packets; here they
 are found, checked and named, so that they are counted and shown. Their content is not read.
 
-A length beyond LONGEST is rejected: the search continues after the two sync characters.
+A length beyond MAX_PAYLOAD_BYTES is rejected: the search continues after the two sync characters.
 
 Source: u-blox F9 HPG 1.32 Interface Description (UBX-22008968), 3.2 and 3.8; names of other generations from pyubx2.
 """
@@ -25,7 +25,7 @@ Wait = Literal["wait"]
 WAIT: Final = "wait"
 
 SYNC = b"\xb5\x62"
-LONGEST = 8192  # RXM-RAWX of 255 measurements has 8176 bytes
+MAX_PAYLOAD_BYTES = 8192  # RXM-RAWX of 255 measurements has 8176 bytes
 
 CLASSES: Mapping[int, str] = {
     0x01: "NAV",
@@ -74,7 +74,7 @@ def message_at(data: bytes, at: int, *, final: bool) -> ParsedMessage | Wait | N
         return None
     length = int.from_bytes(head[4:6], "little") if len(head) == 6 else 0
     size = length + 8
-    if length > LONGEST:
+    if length > MAX_PAYLOAD_BYTES:
         return None
     if at + size > len(data):
         return None if final else WAIT

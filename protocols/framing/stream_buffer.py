@@ -64,8 +64,8 @@ Stops at the end of the data or of the table.
 """
 
 _TABLE_COLUMNS = 1 << 14  # 900 kB: the table stays in the second-level cache
-_SMALL = 1 << 11
-TINY = 1 << 8  # of a single frame, as in most drains of a live stream
+_SMALL_BYTES = 1 << 11
+TINY_BYTES = 1 << 8  # of a single frame, as in most drains of a live stream
 _KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; memory is committed only to columns that are written
 
 
@@ -181,11 +181,11 @@ class ScanCapacity:
 
     def __init__(self) -> None:
         self._tables: dict[int, Ints] = {}
-        self.tiny: Ints = np.empty((QUANTITIES, TINY), np.int64)  # for fewer bytes than it has columns
+        self.tiny: Ints = np.empty((QUANTITIES, TINY_BYTES), np.int64)  # for fewer bytes than it has columns
 
     def table(self, rows: int, columns: int) -> Ints:
         """An array of (rows, at least columns), with leftover contents; small ones are newly allocated."""
-        if columns < _SMALL:
+        if columns < _SMALL_BYTES:
             return np.empty((rows, columns), np.int64)
         cached = self._tables.get(rows)
         if cached is None or cached.shape[1] < columns:
@@ -219,7 +219,7 @@ def one_number(value: int) -> Ints:
 def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: ScanCapacity | None = None) -> ScanResult:
     """Run `scan` from `at` to the end of `data`; with a `room`, the table is valid until its next use."""
     columns = len(data) - at + 1
-    if columns < _SMALL:  # a column for each byte is always enough
+    if columns < _SMALL_BYTES:  # a column for each byte is always enough
         table = np.empty((QUANTITIES, columns), np.int64)
         frames, at, failed, framed = scan(data, at, final, table)
         return ScanResult(table[:, :frames], at, failed, framed)

@@ -23,7 +23,7 @@ from imuscope.protocols.framing.stream_buffer import (
     REASONS,
     SIZE,
     STATUS,
-    TINY,
+    TINY_BYTES,
     Scan,
     ScanCapacity,
     StreamBuffer,
@@ -113,7 +113,7 @@ class StreamParser:
         data = self._buffer.data()
         array = np.frombuffer(data, UINT8)
         at = self._scan_at - self._buffer.start
-        if len(data) - at < TINY:  # the usual case of a live stream: a frame or two
+        if len(data) - at < TINY_BYTES:  # the usual case of a live stream: a frame or two
             frames, at, failed, framed = self._scan(array, at, stalled, self._room.tiny)
             return self._cut(data, array, self._room.tiny[:, :frames], at, failed, framed, stalled)
         scanned = scan_all(self._scan, array, at, final=stalled, room=self._room)

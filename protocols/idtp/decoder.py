@@ -47,9 +47,9 @@ from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
 from imuscope.protocols.idtp.payloads import DecodedPayload, Payload, Rotation
 from imuscope.protocols.idtp.replay_guard import (
-    FAR,
     KEY,
     LOST,
+    MAX_NUMBERS_AHEAD,
     MODE,
     SOURCE_SHIFT,
     TAKEN_BACK,
@@ -67,7 +67,7 @@ KNOWN_MINOR = 1
 WARNING = Message(-1, "Warning", kind="indication", doc="Remark on a device, for users.")
 
 LAYOUT = (1 << SOURCE_SHIFT) - 1  # the part of a KEY that determines the layout
-_LAYOUTS = 4096  # remembered; a device has a handful
+_MAX_LAYOUTS = 4096  # remembered; a device has a handful
 
 
 OFFSETS, ARRIVALS, TIMES, MODES = range(4)
@@ -251,7 +251,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             events.append(ClockStep(offset, step, by * self._tick_ns, arrival, device))
         if taken_back:
             events.append(SampleGap(offset, -taken_back, "sequence", arrival, time, device))
-        if lost > FAR and mode < SECURE:
+        if lost > MAX_NUMBERS_AHEAD and mode < SECURE:
             self._jumped(sender, lost, cut, 0, events)
         elif lost:
             events.append(SampleGap(offset, lost, "sequence", arrival, time, device))
@@ -288,10 +288,10 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         device, unverified = source_of(source)
         layout = key & LAYOUT
         if layout not in self._payloads:
-            if len(self._payloads) >= _LAYOUTS:
+            if len(self._payloads) >= _MAX_LAYOUTS:
                 self._payloads.clear()
             self._payloads[layout] = Payload(number, old, length, self._schema, self._tick_ns)
-        if len(self._kinds) >= _LAYOUTS:
+        if len(self._kinds) >= _MAX_LAYOUTS:
             self._kinds.clear()
         self._kinds[key] = _PayloadKind(self._payloads[layout], str(device), unverified)
         return self._kinds[key]
@@ -346,7 +346,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         for i in np.flatnonzero(missing | taken_back).tolist():
             device = str(int(cut.table[SENDER, i]))
             lost, false = int(missing[i]), int(taken_back[i])
-            if lost > FAR and cut.verdict.rows[MODE, i] < SECURE:
+            if lost > MAX_NUMBERS_AHEAD and cut.verdict.rows[MODE, i] < SECURE:
                 self._jumped(int(device), lost, cut, i, events)
                 lost = 0
             for number in (-false, lost):
@@ -391,7 +391,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 what = f"these frames are of IDTP {version_at(cut.data, reject.offset - cut.start)}"
             else:
                 continue
-            if (-1, what) not in self._reported and len(self._reported) < _LAYOUTS:
+            if (-1, what) not in self._reported and len(self._reported) < _MAX_LAYOUTS:
                 self._reported.add((-1, what))
                 values = {"warning": f"{what}, which is not supported"}
                 yield Reply(WARNING, values, reject.offset, reject.size, reject.arrival_ns)

@@ -85,7 +85,7 @@ def version_at(data: bytes, at: int) -> str:
 
 _I, _D, _T, _N = b"IDTN"
 _IDTP, _INDT = (int.from_bytes(word, "little") for word in (PREAMBLE, SUCCESSOR_PREAMBLE))
-_FEW = 8  # frames to scan ahead after a forged one
+_FRAMES_AHEAD = 8  # frames to scan ahead after a forged one
 
 
 @inlined
@@ -267,7 +267,7 @@ def _sealed(seal: FrameAuthenticator, min_mode: int) -> Callable[[Bytes, int, bo
             if forged < starts:
                 table[STATUS, forged] = BAD_HMAC
                 at = int(table[OFFSET, forged]) + 4
-                done, ahead = forged + 1, _FEW
+                done, ahead = forged + 1, _FRAMES_AHEAD
                 continue
             done, ahead = starts, 2 * ahead
             if starts < stop:

@@ -58,20 +58,20 @@ from imuscope.protocols.native.kernels import (
     unsigned,
 )
 
-FAR = 1 << 16
+MAX_NUMBERS_AHEAD = 1 << 16
 HALF = 1 << 31
 MASK = 0xFFFFFFFF
 SILENCE_NS = 3_000_000_000
 
-SUDDEN = 16  # a jump beyond it is settled only by the frames that follow; fewer are lost or overtaken every day
-SETTLED = 8  # frames accepted from a jump on that settle it
+SUDDEN_JUMP = 16  # a jump beyond it is settled only by the frames that follow; fewer are lost or overtaken every day
+SETTLING_FRAMES = 8  # frames accepted from a jump on that settle it
 
 # State of each device: a row for each mode, at `device << 2 | mode`, with the newest frame of that mode or a stronger
 # one. A row is one cache line; memory is committed only to rows that are used. The fourth row keeps the mode of the
 # device's last frame, in LAST.
 KNOWN, LAST, ACCEPTED_NS, CANDIDATE, BEFORE, VOTES, WITNESS, RUN = range(8)
 STATES = 8
-DEVICES = 1 << 18  # with their modes; memory is committed to those that send
+MAX_DEVICES = 1 << 18  # with their modes; memory is committed to those that send
 LAST_MODE = 3  # row of a device
 #   CANDIDATE  1 + the number of a dropped frame that the next may confirm; 0 for none
 #   BEFORE     the last number before a jump that is not settled
@@ -102,7 +102,7 @@ def _evidence(states: Ints, row: int, sequence: int) -> int:
     before = states[at, BEFORE]
     if not 0 < (sequence - before) & MASK < (states[at, LAST] - before) & MASK:
         return 0
-    continues = states[at, RUN] and 0 < (sequence - states[at, WITNESS]) & MASK <= SUDDEN
+    continues = states[at, RUN] and 0 < (sequence - states[at, WITNESS]) & MASK <= SUDDEN_JUMP
     states[at, RUN] = states[at, RUN] + 1 if continues else 1
     states[at, WITNESS] = sequence
     return int(states[at, RUN] > states[at, VOTES])
@@ -116,10 +116,10 @@ def _verdict(states: Ints, device: int, sequence: int, mode: int, arrival: int) 
     ahead = (sequence - states[at, LAST]) & MASK
     if mode == SECURE:
         return FRAME if 0 < ahead < HALF else STALE
-    if 0 < ahead <= FAR:
+    if 0 < ahead <= MAX_NUMBERS_AHEAD:
         return FRAME
     candidate = states[at, CANDIDATE]
-    if candidate and 0 < (sequence - candidate + 1) & MASK <= FAR:
+    if candidate and 0 < (sequence - candidate + 1) & MASK <= MAX_NUMBERS_AHEAD:
         return CONFIRMED
     if _evidence(states, row, sequence):
         return RETURNED
@@ -141,7 +141,7 @@ def _beside_weaker(states: Ints, device: int, sequence: int, mode: int, arrival:
     if states[weakest, VOTES] and 0 < (sequence - before) & MASK < (last - before) & MASK:
         return FRAME
     candidate = states[own, CANDIDATE]
-    if candidate and 0 < (sequence - candidate + 1) & MASK <= SUDDEN:
+    if candidate and 0 < (sequence - candidate + 1) & MASK <= SUDDEN_JUMP:
         return OVERRULED
     silent = arrival - states[weakest, ACCEPTED_NS] >= SILENCE_NS
     if silent and mode < SECURE and states[unsigned(device << 2 | LAST_MODE), LAST] < SECURE:
@@ -155,7 +155,7 @@ def _false_loss(states: Ints, row: int, sequence: int) -> int:
     """Number of samples counted as lost by a jump that this number, which it skipped, shows to be false."""
     at = unsigned(row)
     span = (states[at, LAST] - states[at, BEFORE]) & MASK
-    if not states[at, VOTES] or span > FAR or not 0 < (sequence - states[at, BEFORE]) & MASK < span:
+    if not states[at, VOTES] or span > MAX_NUMBERS_AHEAD or not 0 < (sequence - states[at, BEFORE]) & MASK < span:
         return 0
     return int(span - states[at, VOTES])
 
@@ -168,8 +168,8 @@ def _advance(states: Ints, row: int, sequence: int, arrival: int, verdict: int) 
     if not states[at, KNOWN] or verdict in (RESTARTED, RETURNED, OVERRULED):
         states[at, VOTES] = states[at, RUN] = 0
     elif states[at, VOTES]:
-        states[at, VOTES] = states[at, VOTES] + 1 if states[at, VOTES] + 1 < SETTLED else 0
-    elif ahead > SUDDEN:
+        states[at, VOTES] = states[at, VOTES] + 1 if states[at, VOTES] + 1 < SETTLING_FRAMES else 0
+    elif ahead > SUDDEN_JUMP:
         states[at, BEFORE] = states[at, LAST]
         states[at, VOTES] = 2 if verdict == CONFIRMED else 1
         states[at, RUN] = 0
@@ -263,7 +263,7 @@ def classify(
         row = unsigned(device << 2)  # not a view of its own: that costs more than the rest of the loop
         if not check:
             ahead = (sequence - states[row, LAST]) & MASK
-            if states[row, KNOWN] and 1 < ahead <= FAR:
+            if states[row, KNOWN] and 1 < ahead <= MAX_NUMBERS_AHEAD:
                 out[LOST, f] = ahead - 1
                 gaps += 1
             states[row, KNOWN] = 1
@@ -328,7 +328,7 @@ class ReplayGuard:
         self._check = check
         self._arrivals = arrivals
         self._keyed = keyed
-        self._states = np.frombuffer(mmap(-1, DEVICES * STATES * 8), np.int64).reshape(DEVICES, STATES)  # zeros
+        self._states = np.frombuffer(mmap(-1, MAX_DEVICES * STATES * 8), np.int64).reshape(MAX_DEVICES, STATES)  # zeros
         self._room = ScanCapacity()
 
     def classify(self, data: Bytes, table: Ints, arrival_ns: Ints) -> ReplayVerdict:

@@ -31,7 +31,7 @@ Output = tuple[str, int]
 BLOCK_NS = 250_000_000
 EARTH_UT = 48.0  # strength of the Earth's field at trajectory.PLACE, µT
 PRESSURE_NOISE_PA = 1.2
-FASTEST = 2000
+MAX_RATE_HZ = 2000
 
 
 class IdtpSimulator:
@@ -132,8 +132,8 @@ class _SimulatedStream:
     def __init__(self, name: str, rate: int, seed: int) -> None:
         if name not in BY_NAME:
             raise ValueError(f"an output is one of {', '.join(BY_NAME)}, given {name!r}")
-        if not 1 <= rate <= FASTEST:
-            raise ValueError(f"the rate of {name} is 1 to {FASTEST} Hz, given {rate}")
+        if not 1 <= rate <= MAX_RATE_HZ:
+            raise ValueError(f"the rate of {name} is 1 to {MAX_RATE_HZ} Hz, given {rate}")
         self._row: Message = BY_NAME[name]
         self._rate = rate
         self._seed = seed

@@ -22,10 +22,10 @@ NAMES: Mapping[str, str] = {"ns": "nanoseconds", "us": "microseconds", "ms": "mi
 STRETCH_NS = 500_000_000
 STRETCHES = 2
 FEWEST_TICKS = 4  # a clock of seconds needs some time
-NEAR = 0.5  # tolerance of the ticks, powers of ten
+TICK_TOLERANCE = 0.5  # tolerance of the ticks, powers of ten
 MAX_ROWS = 20_000  # examined; a file without arrival times never gives a result
 WRAP = 1 << 32
-MANY = 64  # from this many rows on arrays are faster
+MIN_ARRAY_ROWS = 64  # from this many rows on arrays are faster
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class UnitWatch:
 
     def observe(self, raw: Ints, arrival_ns: Ints) -> None:
         """Add rows of the device, in stream order."""
-        if len(raw) >= MANY:
+        if len(raw) >= MIN_ARRAY_ROWS:
             self._observe_many(raw, arrival_ns)
             return
         for stamp, arrival in zip(raw.tolist(), arrival_ns.tolist(), strict=True):
@@ -102,7 +102,7 @@ class UnitWatch:
     def _judge(self, passed_ns: int) -> None:
         """Judge a finished stretch."""
         rate = self._ticks / (passed_ns / 1e9)
-        fits = [unit for unit, tick in UNITS.items() if rate and abs(math.log10(rate * tick / 1e9)) <= NEAR]
+        fits = [unit for unit, tick in UNITS.items() if rate and abs(math.log10(rate * tick / 1e9)) <= TICK_TOLERANCE]
         self._reported.append(fits[0] if fits else "")
         if len(self._reported) < STRETCHES:
             return

@@ -26,7 +26,7 @@ from imuscope.protocols.isb.streams import DEFAULT_MS, EVENT, FAST, GNSS, IMU, N
 Values = Mapping[str, Any]
 STEPS = (1, 2, 4, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
 SLOWEST_MS = 10_000
-CLOSE = 0.04  # share within which two periods are equal
+PERIOD_TOLERANCE = 0.04  # share within which two periods are equal
 NOTHING: Mapping[str, float] = {}
 NMEA_SETTING = "DID_NMEA_BCAST_PERIOD"
 USUAL_LENGTH: Mapping[str, int] = {  # characters with line end, as the device writes them
@@ -117,7 +117,7 @@ def source_ms(one: Values, sources: Mapping[str, float], now: Mapping[str, float
         return next((sources[pace] for pace in row.paces if pace in sources), DEFAULT_MS[row.paces[0]])
     for pace in row.paces:
         in_effect = now.get(pace, measured if len(row.paces) == 1 else 0.0)
-        if abs(in_effect - measured) <= CLOSE * measured:
+        if abs(in_effect - measured) <= PERIOD_TOLERANCE * measured:
             return sources.get(pace, measured)
     return measured
 

@@ -175,7 +175,7 @@ def risks_of_change(setting: str, old: Values | None, new: Values, product: str 
 
 MEANINGLESS = ("checksum", "options")
 SAVED = ("DID_NMEA_BCAST_PERIOD", "DID_GPX_RMC")  # whose options can request saving
-CLOSE = 0.1  # share within which two periods are equal
+PERIOD_TOLERANCE = 0.1  # share within which two periods are equal
 
 
 def differences(setting: str, a: Values, b: Values) -> list[str]:
@@ -222,7 +222,7 @@ def same_pace(one: Values, other: Values) -> bool:
     if one.get("period", 1) == other.get("period", 1):
         return True
     apart, other_apart = (float(row.get("source_ms") or 0) * (row.get("period") or 1) for row in (one, other))
-    return bool(apart and other_apart) and abs(apart - other_apart) <= CLOSE * min(apart, other_apart)
+    return bool(apart and other_apart) and abs(apart - other_apart) <= PERIOD_TOLERANCE * min(apart, other_apart)
 
 
 def _to_save(a: Values, b: Values) -> list[str]:

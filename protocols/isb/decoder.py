@@ -51,7 +51,7 @@ from imuscope.protocols.schema.fields import Direction, Message
 
 RULES = messages.rules()
 VERSION_NUMBERS = messages.version_numbers()
-_FORMS = 4096  # forms remembered; a device has some dozens
+_MAX_FORMS = 4096  # forms remembered; a device has some dozens
 _NOTHING = np.empty(0, np.uint8)
 
 
@@ -146,7 +146,7 @@ class IsbDecoder(StreamDecoder[StreamParser]):
             events.append(Batch(form.message, "", arrivals[part], offsets[part], time, columns, size=size))
 
     def _form(self, key: int) -> messages.PayloadLayout:
-        if len(self._forms) >= _FORMS:
+        if len(self._forms) >= _MAX_FORMS:
             self._forms.clear()
         form = self._forms[key] = messages.form_for_key(key)
         return form

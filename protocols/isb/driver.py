@@ -75,7 +75,7 @@ from imuscope.protocols.schema.json_values import jsonable
 T = TypeVar("T")
 Values = Mapping[str, Any]
 
-ANSWER_S, ATTEMPTS = 0.5, 3
+ANSWER_S, MAX_ATTEMPTS = 0.5, 3
 ALIVE_S, ALIVE_TRIES = 0.25, 4
 RESET_S = 0.3  # until its last bytes are sent
 NO = "rejected by the device (NACK): not supported, read-only, or the packet was invalid"
@@ -124,14 +124,14 @@ def ack_of(kind: int, did: int, offset: int) -> Callable[[Event], Any]:
 def read_dataset(did: int, *, size: int = 0, offset: int = 0) -> Transaction[Values]:
     """Read a data set, or a part of it. Not for one that streams: see `IsbDriver.within`."""
     row = SETS[did]
-    for _ in range(ATTEMPTS):
+    for _ in range(MAX_ATTEMPTS):
         yield Send(frames.get_data(did, size=size, offset=offset, period=0))
         answer = yield WaitFor(answer_of(did), ANSWER_S, row.name, is_answer=True)
         if answer == NACK:
             raise DeviceRejectedError(f"GET {row.name}", NO, NACK)
         if answer is not None:
             return as_text(answer)
-    raise NoReplyError(f"GET {row.name}", ATTEMPTS, ANSWER_S)
+    raise NoReplyError(f"GET {row.name}", MAX_ATTEMPTS, ANSWER_S)
 
 
 def as_text(values: Values) -> Values:
@@ -147,7 +147,7 @@ def write_dataset(packet: bytes, what: str, *, required: bool = True) -> Transac
     """
     kind, did = packet[2] & TYPE_MASK, packet[3]
     offset = int.from_bytes(packet[6:8], "little") if packet[2] & frames.WITH_OFFSET else 0
-    for _ in range(ATTEMPTS):
+    for _ in range(MAX_ATTEMPTS):
         yield Send(packet, what)
         answer = yield WaitFor(ack_of(kind, did, offset), ANSWER_S, "ACK", is_answer=True)
         if answer == NACK:
@@ -156,7 +156,7 @@ def write_dataset(packet: bytes, what: str, *, required: bool = True) -> Transac
             return True
         if not required:
             return False
-    raise NoReplyError(what, ATTEMPTS, ANSWER_S)
+    raise NoReplyError(what, MAX_ATTEMPTS, ANSWER_S)
 
 
 class IsbDriver(DeviceDriver):
@@ -252,12 +252,12 @@ class IsbDriver(DeviceDriver):
                 return {"line": event.line, **event.fields}
             return None
 
-        for _ in range(ATTEMPTS):
+        for _ in range(MAX_ATTEMPTS):
             yield Send(line, name)
             answer = yield WaitFor(match, ANSWER_S, f"${reply}", is_answer=True)
             if answer is not None:
                 return as_text(answer)
-        raise NoReplyError(f"${name}", ATTEMPTS, ANSWER_S)
+        raise NoReplyError(f"${name}", MAX_ATTEMPTS, ANSWER_S)
 
     def unfinished(self, command: str, values: Values) -> str | None:
         return None
@@ -306,7 +306,7 @@ class IsbDriver(DeviceDriver):
         got = yield from self._streams(gpx=gpx)
         periods: dict[int, int] = {}
         refused = ""
-        for _ in range(ATTEMPTS if "streams" in values else 0):
+        for _ in range(MAX_ATTEMPTS if "streams" in values else 0):
             now = {one["did"]: one for one in got["streams"]}
             ended = [did for did in now if did not in {one["did"] for one in values["streams"]}]
             rows = touched([_paced(one, now, periods) for one in values["streams"]], now)
@@ -345,11 +345,11 @@ class IsbDriver(DeviceDriver):
                 return True
             return None
 
-        for _ in range(ATTEMPTS):
+        for _ in range(MAX_ATTEMPTS):
             yield Send(frames.get_data(DEV_INFO, period=0))
             if (yield WaitFor(match, ANSWER_S, "DID_DEV_INFO", is_answer=True)):
                 return replace(known, at_rest=False, **details)
-        raise NoReplyError("GET DID_DEV_INFO", ATTEMPTS, ANSWER_S)
+        raise NoReplyError("GET DID_DEV_INFO", MAX_ATTEMPTS, ANSWER_S)
 
     line_change = staticmethod(line_change)
 

@@ -36,7 +36,7 @@ MARKER = bytes.fromhex("32EA05FC")
 HEADER = struct.Struct("<4sBBBB4s4sIIIIHH4B")
 MAX_CHUNK = 1 << 20  # the vendor writes 131 072 bytes; more is damage
 MAX_RECORD, MAX_SET = 1024, 2048  # bytes of a packet's data, and of a whole data set
-CHAIN = 4  # consecutive records that are not a coincidence
+MIN_CHAIN_RECORDS = 4  # consecutive records that are not a coincidence
 _RECORD = struct.Struct("<BHH")
 _INDEX = np.dtype([("ms", "<u4"), ("offset", "<u4"), ("count", "<u4"), ("reserved", "<u4")])
 _NAME = re.compile(r"(?P<stem>.*_?SN(?P<serial>\d+)_(?P<date>\d{8})_(?P<time>\d{6}))_(?P<part>\d{4,})$", re.IGNORECASE)
@@ -101,8 +101,8 @@ def _header(data: bytes, at: int) -> tuple[int, int] | None:
 
 
 def _packets_of(body: bytes, start: int, damage: Damage) -> bytes:
-    """The records of a chunk as packets. After a damaged one the search continues: at the next place from which `CHAIN`
-    records follow each other, of consistent kinds and sizes.
+    """The records of a chunk as packets. After a damaged one the search continues: at the next place from which
+    `MIN_CHAIN_RECORDS` follow each other, of consistent kinds and sizes.
     """
     out = []
     at = 0
@@ -140,12 +140,12 @@ def _resync(body: bytes, at: int, record_kinds: Collection[tuple[int, int]]) -> 
     """The next place from which records follow each other; the end of the chunk if there is none."""
     for begin in range(at, len(body)):
         end, links, known = begin, 0, False
-        while links < CHAIN and end < len(body):
+        while links < MIN_CHAIN_RECORDS and end < len(body):
             record = _record(body, end)
             if record is None:
                 break
             known |= record[:2] in record_kinds
             end, links = record[3], links + 1
-        if (links == CHAIN or (links and end == len(body))) and (known or not record_kinds):
+        if (links == MIN_CHAIN_RECORDS or (links and end == len(body))) and (known or not record_kinds):
             return begin
     return len(body)

@@ -39,9 +39,9 @@ Values = Mapping[str, Any]
 Requester = Callable[[int], Transaction[Values]]
 
 LONGEST_NS = 3e9  # a longer step of the device's clock between two packets is a jump
-CLOSE = 0.04  # share within which a multiple counts as one
+MULTIPLE_TOLERANCE = 0.04  # share within which a multiple counts as one
 NOTHING: Mapping[int, int] = {}
-ENOUGH = 3  # samples needed for a reliable period
+MIN_SAMPLES = 3  # samples needed for a reliable period
 GPX_FLASH, GPX_RMC = 121, 126
 
 
@@ -146,7 +146,7 @@ class ObservedStreams:
         known = self._times.setdefault(did, [])
         known += times
         self.sizes[did] = max(size, self.sizes.get(did, 0))
-        if len(known) >= ENOUGH:
+        if len(known) >= MIN_SAMPLES:
             self._left.discard(did)
 
     def interval_ms(self, did: int) -> float | None:
@@ -236,7 +236,7 @@ def _stream(did: int, observed: ObservedStreams, sources: Mapping[str, float], k
     elif known:
         period = known
         base = next(
-            (base for base in bases if abs(base * known - interval) <= CLOSE * interval),
+            (base for base in bases if abs(base * known - interval) <= MULTIPLE_TOLERANCE * interval),
             interval / known,
         )
     else:
@@ -250,7 +250,7 @@ def multiple(interval_ms: float, bases: Sequence[float]) -> tuple[int, float]:
     """
     for base in bases:
         period = max(1, round(interval_ms / base))
-        if abs(interval_ms - period * base) <= CLOSE * interval_ms:
+        if abs(interval_ms - period * base) <= MULTIPLE_TOLERANCE * interval_ms:
             return period, base
     period = max(1, round(interval_ms / bases[-1]))
     return period, interval_ms / period

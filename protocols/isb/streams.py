@@ -42,7 +42,7 @@ _GROUPS = (
     ("RTK", (54, 21, 22, 91, 92, 76, 77, 78, 79)),
     ("System", (10, 11, 75, 68, 72, 119, 37, 38, 123, 127)),
 )
-_USUAL = (4, 5, 65, 66, 58, 3, 52, 53, 13, 30, 15, 10)
+_USUAL_IDS = (4, 5, 65, 66, 58, 3, 52, 53, 13, 30, 15, 10)
 REPLIES_THAT_STREAM = (17, 18, 120, 121, 125, 126)  # with bits in DID_RMC or DID_GPX_RMC
 ONE_PERIOD = (3,)  # DID_PIMU comes at startupNavDtMs and "cannot be output at any other rate"
 
@@ -134,7 +134,7 @@ def _streams() -> Mapping[int, StreamRow]:
         bit = bits.get(row.rmc, -1)
         pace = _pace(did, row.name)
         rows[did] = StreamRow(
-            did, row.name, title, groups.get(did, "Internal"), size, counted, pace, bit, basic=did in _USUAL
+            did, row.name, title, groups.get(did, "Internal"), size, counted, pace, bit, basic=did in _USUAL_IDS
         )
     order = {did: place for place, did in enumerate(did for _, dids in _GROUPS for did in dids)}
     return {did: rows[did] for did in sorted(rows, key=lambda one: (order.get(one, len(order)), one))}

@@ -55,12 +55,12 @@ FIRST_WEEK = 1024  # the hardware is newer than 1999; smaller numbers are noise
 LAST_WEEK = 8191
 LATE_NS = 10 * S
 BACK_NS = S // 2  # a set that goes back by more than its jitter, to a time near zero, comes from a restarted device
-SOON = 10  # of its period: another set's clock may be read this much later than a set due at the same moment
+SOON_DIVISOR = 10  # of its period: another set's clock may be read this much later than a set due at the same moment
 DATED = 1 << 62  # the up-time, for comparison, of a set that carried a week
 NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is rejected
 REPORTED_STEP_NS = 5_000_000  # a smaller correction of the shift is not reported as an event
 LONGEST_UP_S = 1e9
-HIGHEST = 0x41D00000  # upper half of a float64 of 2^30
+MAX_UPPER_HALF = 0x41D00000  # upper half of a float64 of 2^30
 ONE, TWO, THREE = (unsigned(n) for n in (1, 2, 3))  # a sum with a plain number would be signed again
 
 # Unix seconds of the leap seconds: from each on GPS time is ahead of UTC by one second more
@@ -108,7 +108,7 @@ def four(data: Bytes, at: int) -> int:
 def double_ns(data: Bytes, at: int) -> int:
     """The float64 at `at`, seconds, as ns; -1 if it is not a time (negative, not finite, beyond 30 years)."""
     low, high = four(data, at), four(data, at + 4)
-    if high >= HIGHEST:  # negative or too large
+    if high >= MAX_UPPER_HALF:  # negative or too large
         return -1
     seconds = np.int64(high << 32 | low).view(np.float64)
     return int(seconds * 1e9 + 0.5) if seconds < LONGEST_UP_S else -1
@@ -145,7 +145,7 @@ def due(state: TimeState, week: int, before: int, every: int) -> TimeState:
     """
     if state[5] == FROM_1970 or every <= 0 or before < 0 or before >= DATED or week < FIRST_WEEK or week > LAST_WEEK:
         return state
-    missed = max(0, state[2] - before - every // SOON)
+    missed = max(0, state[2] - before - every // SOON_DIVISOR)
     up = before + every * max(1, -(-missed // every))
     return state[0], state[1], up, state[3], state[4], state[5]
 

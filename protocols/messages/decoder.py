@@ -38,7 +38,7 @@ from imuscope.protocols.messages.own_schema import columns_of, own_quantity
 from imuscope.protocols.messages.quantities import MessageQuantity, absent_quantities, quantities_of, unknown_rows
 from imuscope.protocols.messages.records import (
     HEAD,
-    LONGEST,
+    MAX_RECORD,
     MESSAGE,
     MESSAGE_FIXED,
     PLAUSIBLE,
@@ -54,7 +54,7 @@ from imuscope.protocols.schema.fields import Field, Message
 STAMP = Field("stamp", "f8", unit="s", doc="Time in the message, of a clock that is not the time axis.")
 MOST_CHANNELS = 1024
 MOST_REMARKS = 8
-COLUMNS = 1 << 12  # of the table of records; more are scanned in turns
+MAX_RECORDS = 1 << 12  # of the table of records; more are scanned in turns
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +233,7 @@ class MessageDecoder:
     def __init__(self, *, direction: str = "to_host", datagrams: bool = False) -> None:
         self._buffer = StreamBuffer()
         self._definitions = Definitions()
-        self._table = np.empty((RECORD_QUANTITIES, COLUMNS), np.int64)
+        self._table = np.empty((RECORD_QUANTITIES, MAX_RECORDS), np.int64)
         self._topics: dict[int, _Topic] = {}
 
     # -- input ---------------------------------------------------------------------------------------------------------
@@ -285,14 +285,15 @@ class MessageDecoder:
         array = np.frombuffer(data, np.uint8)
         at, end = 0, len(data)
         while end - at >= HEAD.size:
-            n, behind = scan_messages(array, at, LONGEST, self._table)
+            n, behind = scan_messages(array, at, MAX_RECORD, self._table)
             if n:
                 self._sort(self._table[:, :n], start, rejects, received)
                 at = behind
                 continue
             opcode, length = HEAD.unpack_from(data, at)
             whole = at + HEAD.size + length
-            if not SCHEMA <= opcode <= MESSAGE or length >= LONGEST or (opcode == MESSAGE and length < MESSAGE_FIXED):
+            least = MESSAGE_FIXED if opcode == MESSAGE else 0
+            if not SCHEMA <= opcode <= MESSAGE or not least <= length < MAX_RECORD:
                 match = PLAUSIBLE.search(data, at + 1)
                 behind = match.start() if match is not None else max(end - HEAD.size + 1, at + 1)
                 rejects.append(RejectedFrame(start + at, behind - at, "bad_size", buffer.arrival(start + at)))

@@ -20,7 +20,7 @@ from imuscope.protocols.family.info import (
 )
 from imuscope.protocols.framing.frame_lines import FrameLine
 from imuscope.protocols.messages.decoder import STAMP, MessageDecoder
-from imuscope.protocols.messages.records import HEAD, LONGEST, PLAUSIBLE, MessageChannel, definition, message_record
+from imuscope.protocols.messages.records import HEAD, MAX_RECORD, PLAUSIBLE, MessageChannel, definition, message_record
 
 
 class MessageLister:
@@ -39,7 +39,7 @@ class MessageLister:
         while len(data) - at >= HEAD.size:
             _, length = HEAD.unpack_from(data, at)
             whole = at + HEAD.size + length
-            if length >= LONGEST or not PLAUSIBLE.match(data, at):
+            if length >= MAX_RECORD or not PLAUSIBLE.match(data, at):
                 match = PLAUSIBLE.search(data, at + 1)
                 whole = match.start() if match is not None else len(data)
             if whole > len(data):

@@ -20,8 +20,8 @@ SCHEMA, CHANNEL, MESSAGE = 3, 4, 5
 HEAD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 MESSAGE_FIXED = MESSAGE_HEAD.size - HEAD.size
-LONGEST = 1 << 27  # bytes of a record; a longer one is damage
-PLAUSIBLE = re.compile(rb"[\x03\x04\x05][\s\S]{3}[\x00-\x07]\x00{4}")  # the head of a record below LONGEST
+MAX_RECORD = 1 << 27  # bytes of a record; a longer one is damage
+PLAUSIBLE = re.compile(rb"[\x03\x04\x05][\s\S]{3}[\x00-\x07]\x00{4}")  # the head of a record below MAX_RECORD_BYTES
 COUNTED = "sequence"
 """Key of a channel's metadata, with the value "publisher": its sequence numbers count the messages of its publisher."""
 

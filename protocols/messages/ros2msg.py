@@ -21,7 +21,7 @@ PRIMITIVES = {
     **{f"{sign}int{size}": f"{(sign and 'u') or 'i'}{size // 8}" for sign in ("", "u") for size in (8, 16, 32, 64)},
 }
 TIMES = ("builtin_interfaces/Time", "builtin_interfaces/Duration", "time", "duration")
-DEEPEST = 16
+MAX_DEPTH = 16
 MOST_TYPES = 256
 LONGEST_TEXT = 1 << 20
 _SEPARATOR = re.compile(r"^=+[ \t]*$", re.MULTILINE)
@@ -87,7 +87,7 @@ class _Types:
         if name in self._made:
             return self._made[name]
         self._budget -= 1
-        if depth > DEEPEST or self._budget < 0:
+        if depth > MAX_DEPTH or self._budget < 0:
             raise ValueError(f"{name} is nested too deeply")
         package = name.rpartition("/")[0]
         lines = (line.partition("#")[0].strip() for line in self._sections[name].splitlines())

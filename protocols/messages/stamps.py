@@ -8,8 +8,8 @@
     stamp that stands still          not used
     no stamp                         not used
 
-A clock that is not that of the host needs `LEAST` stamps in a row before it is trusted; until then the arrival is used.
-The stamp itself is a column then, so nothing is lost.
+A clock that is not that of the host needs `MIN_BLOCK_STAMPS` in a row before it is trusted; until then the arrival is
+used. The stamp itself is a column then, so nothing is lost.
 """
 
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ from imuscope.protocols.arrays import Ints
 LATE_NS, AHEAD_NS = 60_000_000_000, 5_000_000_000  # an earlier or later stamp comes from another clock
 BACK_NS = 1_000_000_000
 STEP_BACK_NS = 50_000_000  # messages overtake each other by less
-LEAST, LEAST_IN_ALL = 20, 100  # stamps in a row in one block; in several
+MIN_BLOCK_STAMPS, MIN_STAMPS = 20, 100  # stamps in a row in one block; in several
 STILL_NS = 500_000_000  # messages that are sent at once may have one stamp
 
 
@@ -120,7 +120,7 @@ class StampTrack:
         counts[0] += before
         first[0] = since
         self._same = int(stamps[-1]), int(counts[-1]), int(first[-1])
-        stands = (counts >= LEAST) & (arrivals[ends - 1] - first >= STILL_NS) & (stamps[begins] > 0)
+        stands = (counts >= MIN_BLOCK_STAMPS) & (arrivals[ends - 1] - first >= STILL_NS) & (stamps[begins] > 0)
         return np.repeat(stands, ends - begins)
 
     def _stamped(self, stamps: Ints, arrivals: Ints, result: StampTimes) -> None:
@@ -198,7 +198,7 @@ class StampTrack:
         self._unreported_ns = None
 
     def _is_trusted(self, count: int) -> bool:
-        return count >= LEAST or self._waiting >= LEAST_IN_ALL
+        return count >= MIN_BLOCK_STAMPS or self._waiting >= MIN_STAMPS
 
     def _is_host(self, run: Ints, arrived: Ints) -> bool:
         ahead = int(run[0]) - int(arrived[0])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 LONGEST_ARRAY = 16
-DEEPEST = 8
+MAX_DEPTH = 8
 STAMPS = ("header.stamp", "stamp", "timestamp")
 SENSELESS = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError, struct.error)
 
@@ -56,7 +56,7 @@ def json_reader() -> MessageReader:
             if isinstance(seconds, int | float) and isinstance(nanoseconds, int | float):
                 message.put_time(path, seconds, nanoseconds)
                 return message
-        for name, inside in _inside(value) if depth < DEEPEST else ():
+        for name, inside in _inside(value) if depth < MAX_DEPTH else ():
             walk(inside, f"{path}.{name}" if path else name, depth + 1, message)
         message.put(path, value)
         return message
@@ -129,7 +129,7 @@ def _in_order(files: Mapping[str, Any]) -> list[Any]:
 
 def _fields(message: Any, path: str, depth: int, numbers: NumericMessage) -> None:
     """The numbers of a protobuf message, including unset ones, which are zero."""
-    if depth > DEEPEST:
+    if depth > MAX_DEPTH:
         return
     for one in message.DESCRIPTOR.fields:
         inner = f"{path}.{one.name}" if path else one.name

@@ -21,7 +21,7 @@ from imuscope.protocols.framing.stream_buffer import OFFSET, SIZE
 from imuscope.protocols.framing.stream_parser import StreamParser
 from imuscope.protocols.registry.families import PROTOCOLS
 
-FEW = 3  # frames of another protocol; fewer may be chance
+MIN_FRAMES = 3  # frames of another protocol; fewer may be chance
 
 
 class _BareStream(StreamParser):
@@ -102,4 +102,4 @@ class MixedProtocolDetector:
     @property
     def others(self) -> list[str]:
         """The other protocols in the stream."""
-        return [name for name, count in self.count.items() if count >= FEW]
+        return [name for name, count in self.count.items() if count >= MIN_FRAMES]

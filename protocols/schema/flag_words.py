@@ -17,7 +17,7 @@ from imuscope.protocols.schema.fields import Bits, Field
 from imuscope.protocols.schema.layouts import EncodeError
 
 ALL = ("ON", "ALL")
-FEW = 6
+MAX_NAMED_FLAGS = 6
 
 
 def word_of(text: str, field: Field, path: str = "") -> int:
@@ -111,7 +111,7 @@ def _shown(row: Bits) -> str:
 def nearest(name: str, names: Iterable[str]) -> str:
     """List the nearest names ("nearest are: …"), or all of them if they are few."""
     names = list(names)
-    if len(names) <= FEW:
+    if len(names) <= MAX_NAMED_FLAGS:
         return f"there are: {', '.join(names)}"
     folded = {one.casefold(): one for one in names}
     close = difflib.get_close_matches(name.casefold(), folded, 5, 0.4)

@@ -39,7 +39,7 @@ from imuscope.protocols.schema.fields import Field
 
 _FP1632 = np.dtype([("low", ">u4"), ("high", ">i2")])
 _SPECIAL = {"fp1220": np.dtype(">i4"), "fp1632": _FP1632, "bytes": np.dtype("u1"), "ascii": np.dtype("S1")}
-_MANY = 64  # rows, from which `_FieldReader` copies in pieces
+_MIN_PIECED_ROWS = 64  # rows, from which `_FieldReader` copies in pieces
 _FIXED_POINT = {"fp1220": (20, 4), "fp1632": (32, 6)}  # fraction bits, bytes
 
 
@@ -327,7 +327,7 @@ class _FieldReader:
         shape = (len(rows), *self._shape)
         if self._empty or not shape[0]:
             return np.empty(shape, self._conversion.native)
-        direct = not self._wire.fields and (not self._shape or len(rows) < _MANY)
+        direct = not self._wire.fields and (not self._shape or len(rows) < _MIN_PIECED_ROWS)
         if direct:
             wire: Array = np.ndarray(shape, self._wire, rows.data, self._at, self._strides)
         else:  # what lies together in a row is copied in one piece: numpy would copy many rows number by number

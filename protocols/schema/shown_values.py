@@ -15,7 +15,7 @@ import numpy as np
 from imuscope.protocols.schema.fields import Field
 from imuscope.protocols.schema.layouts import EncodeError
 
-NEAR = 1e-6  # of a step: a decimal fraction is not exact in binary
+STEP_TOLERANCE = 1e-6  # of a step: a decimal fraction is not exact in binary
 
 
 def meant(field: Field, record: Mapping[str, Any]) -> Field:
@@ -77,7 +77,7 @@ def _wire_number(field: Field, number: Any, record: Mapping[str, Any]) -> Any:
     if is_scaled(row):
         wire = (number - row.bias) / row.scale
         if np.dtype(row.dtype).kind in "iu":
-            if not abs(wire - round(wire)) <= NEAR * max(1.0, abs(wire)):
+            if not abs(wire - round(wire)) <= STEP_TOLERANCE * max(1.0, abs(wire)):
                 step = f"{row.scale:g} {row.unit}".strip()
                 raise EncodeError(f"{field.name} is a multiple of {step}, given {number:g}", field.name)
             wire = round(wire)

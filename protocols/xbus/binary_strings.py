@@ -12,7 +12,7 @@ sentences and belong to protocols/embedded/nmea.py. Two are not:
 
 Neither has a checksum. TSS2 has 25 characters, each with few possible values: one is accepted. EM1000 has four fixed
 bytes (an MTi's heave is always 0) and three ranges: a record is accepted if it is in a row of three, each at most
-`WINDOW` bytes after the one before. One in 10^10 random positions looks like a record; three near each other do not
+`WINDOW_BYTES` after the one before. One in 10^10 random positions looks like a record; three near each other do not
 happen. The others of a row may be in other stretches (`Em1000Row`): a device that sends one now and then, or between
 frames, loses only the first two, which count as bytes that belong to no message.
 """
@@ -35,7 +35,7 @@ _TSS2_SIZE = 25
 EM1000 = struct.Struct("<2xhhhH")
 EM1000_HEAD = b"\x00\x90"
 _EM1000_START = re.compile(rb"\x00(?:\x90|\Z)")
-WINDOW = 13 * 82 + 27  # a device may send all kinds of strings in turn: 13 sentences of the longest size and a TSS2
+WINDOW_BYTES = 13 * 82 + 27  # a device may send all kinds of strings in turn: 13 of the longest sentences and a TSS2
 _MORE = 2
 
 
@@ -59,7 +59,7 @@ def find(data: bytes | memoryview, *, final: bool, row: Em1000Row | None = None)
     """
     data = bytes(data)
     tss2, keep_tss2 = _find_tss2(data, final)
-    row = row if row is not None else Em1000Row(-WINDOW - 1, 0)
+    row = row if row is not None else Em1000Row(-WINDOW_BYTES - 1, 0)
     em1000, keep_em1000 = _find_em1000(data, final, row, [one.offset for one in tss2], keep_tss2)
     keep = min(keep_tss2, keep_em1000)
     messages = sorted(tss2 + em1000, key=lambda one: one.offset)
@@ -127,7 +127,7 @@ def _find_em1000(
         if after < len(tss2) and tss2[after] < at + EM1000.size:
             at += 1
             continue
-        before = row.count if 0 <= at - row.end <= WINDOW else 0
+        before = row.count if 0 <= at - row.end <= WINDOW_BYTES else 0
         more = before >= _MORE or _followed(data, at, _MORE - before, final)
         if more is None:
             return messages, at
@@ -159,7 +159,7 @@ def _followed(data: bytes, at: int, expected: int, final: bool) -> bool | None:
     """Whether so many records follow in the row; None: more data decides."""
     for _ in range(expected):
         at += EM1000.size
-        limit = at + WINDOW
+        limit = at + WINDOW_BYTES
         while (at := data.find(EM1000_HEAD, at, limit + len(EM1000_HEAD))) >= 0 and not _is_em1000(data, at):
             at += 1
         if at < 0:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from typing import Literal
 
 PREAMBLE, EXTENDED = 0xFA, 0xFF
-LARGEST = 2048  # bytes of data in an extended frame
+MAX_DATA_BYTES = 2048  # bytes of data in an extended frame
 
 
 def frame_size(data: bytes, at: int) -> int:
@@ -29,7 +29,7 @@ def frame_size(data: bytes, at: int) -> int:
     if len(data) - at < 6:
         return 0
     length = data[at + 4] << 8 | data[at + 5]
-    return length + 7 if length <= LARGEST else -1
+    return length + 7 if length <= MAX_DATA_BYTES else -1
 
 
 GO_TO_MEASUREMENT, GO_TO_CONFIG, WAKE_UP_ACK, RESET = 0x10, 0x30, 0x3F, 0x40

@@ -126,7 +126,7 @@ def _sends(outputs: Values) -> bool:
 
 # -- comparison --------------------------------------------------------------------------------------------------------
 
-_ABOUT = 1e-6  # relative: precision of float32 for a decimal number
+_FLOAT32_TOLERANCE = 1e-6  # relative: precision of float32 for a decimal number
 
 
 def differing(setting: str, a: Values, b: Values) -> list[str]:
@@ -172,7 +172,7 @@ def _equal(setting: str, a: Any, b: Any) -> bool:
             a, b = int(a), int(b)
             return a >> 8 == b >> 8 and BAUD_RATES.get(a & 0xFF) == BAUD_RATES.get(b & 0xFF)
         return (
-            math.isclose(a, b, rel_tol=_ABOUT, abs_tol=_ABOUT / 10)
+            math.isclose(a, b, rel_tol=_FLOAT32_TOLERANCE, abs_tol=_FLOAT32_TOLERANCE / 10)
             if isinstance(a, float) or isinstance(b, float)
             else a == b
         )

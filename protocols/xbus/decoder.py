@@ -94,7 +94,7 @@ DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-seri
 Flags = NDArray[np.bool_]
 
 _CLOCKS = {"": NO_CLOCK, "UtcTime": UTC, "SampleTimeCoarse": COARSE_CLOCK, "SampleTimeFine": FINE_CLOCK}
-_LAYOUTS = 1024  # layouts remembered; a device has a handful
+_MAX_LAYOUTS = 1024  # layouts remembered; a device has a handful
 
 
 class DataLayout:
@@ -389,7 +389,7 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             at += 3 + payload[at + 2]
         layout = self._layouts.get(key)
         if layout is None:
-            if len(self._layouts) >= _LAYOUTS:
+            if len(self._layouts) >= _MAX_LAYOUTS:
                 self._layouts.clear()
             layout = self._layouts[key] = DataLayout(payload)
         self._newest[size] = layout

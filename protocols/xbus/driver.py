@@ -360,7 +360,7 @@ def _run(row: CommandRow, frame: bytes, times: requests.StateTimes) -> Transacti
     if row.message == "GoToConfig":
         yield from requests.to_config(times)
         return {}
-    attempts = 1 if row.kind == "do" else requests.ATTEMPTS
+    attempts = 1 if row.kind == "do" else requests.MAX_ATTEMPTS
     return (yield from requests.send_request(frame, row.message, row.timeout_s, attempts))
 
 

@@ -41,7 +41,7 @@ REQ_DID, GO_TO_CONFIG, GO_TO_MEASUREMENT, RESET = 0x00, 0x30, 0x10, 0x40
 WAKE_UP, WAKE_UP_ACK, ERROR = 0x3E, 0x3F, 0x42
 ERROR_MESSAGE = 4
 
-ATTEMPTS = 3
+MAX_ATTEMPTS = 3
 STEP_S = 0.1  # between two GoToConfig
 ANSWER_S = 0.2  # an answer to ReqDID has come by then, after samples under way
 FIRST_SAMPLE_S = 0.25  # a measuring device has sent something by then, unless it is slow or waits for a trigger
@@ -95,7 +95,7 @@ def send_request(
     frame: bytes,
     what: str,
     timeout_s: float,
-    attempts: int = ATTEMPTS,
+    attempts: int = MAX_ATTEMPTS,
     accept: Callable[[Reply], bool] = lambda reply: True,
 ) -> Transaction[Plain]:
     """Send a request until it is acknowledged.

@@ -25,13 +25,13 @@ from imuscope.protocols.arrays import Array, Ints
 
 NEAR, FAR = (16, 64), (256, 1024, 4096)
 LEVELS = (*NEAR, *FAR)
-ALIGN = 64  # bytes
+ALIGN_BYTES = 64  # bytes
 CLOCK_BYTES = 8
 
 
 def padding(size: int) -> int:
     """Bytes to the next possible start of a column."""
-    return -size % ALIGN
+    return -size % ALIGN_BYTES
 
 
 def reduce(column: Array, cuts: Ints, flags: bool, which: int) -> Array:
@@ -78,7 +78,7 @@ def _begin(at: Array, rows: Ints, steps: Mapping[int, Ints]) -> dict[int, Ints]:
     next_at = at.astype(np.int64)
     for step, sizes in steps.items():
         length = -(-rows // step)[:, None] * sizes
-        length += -length % ALIGN
+        length += -length % ALIGN_BYTES
         ends = next_at[:, None] + np.cumsum(length, axis=1)
         levels[step] = ends - length
         next_at = ends[:, -1] if ends.shape[1] else next_at

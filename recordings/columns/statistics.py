@@ -18,8 +18,8 @@ from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import ColumnStore
 
 MIN_RESULTANT = 0.05  # of unit vectors; below it the direction is meaningless: the mean is NaN
-PASSES = 3
-SETTLED = 1e-6  # of the period: an anchor that moves by less has converged
+MEAN_PASSES = 3
+SETTLED_SHARE = 1e-6  # of the period: an anchor that moves by less has converged
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,11 +110,11 @@ def _around(parts: Callable[[], Iterator[Floats]], period: float, other: float) 
     has_direction = abs(total) / n >= MIN_RESULTANT
     anchor = float(np.angle(total)) * period / (2 * np.pi) if has_direction else other
     moments = _Moments()
-    for _ in range(PASSES):
+    for _ in range(MEAN_PASSES):
         moments = _Moments()
         for values in parts():
             moments.add(wrapped(values - anchor, period))
-        if not has_direction or abs(moments.mean) < SETTLED * period:
+        if not has_direction or abs(moments.mean) < SETTLED_SHARE * period:
             break
         anchor += moments.mean
     return (float(wrapped(anchor, period)) if has_direction else float("nan")), moments.sigma

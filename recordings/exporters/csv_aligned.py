@@ -26,7 +26,7 @@ from imuscope.recordings.exporters.message_table import WINDOW, cells, clocks_of
 from imuscope.recordings.exporters.message_table import heading as named
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep, usual_interval, with_unit
 
-AGES = 2  # usual intervals for which a value is held
+MAX_AGE_INTERVALS = 2  # usual intervals for which a value is held
 
 
 @dataclass(slots=True)
@@ -50,7 +50,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     clocks = clocks_of(request, leader)
     headings = _Headings(request, clocks)
     others = [
-        _Follower(info, headings.of(info), AGES * max(usual_interval(request.columns, info["id"]), least))
+        _Follower(info, headings.of(info), MAX_AGE_INTERVALS * max(usual_interval(request.columns, info["id"]), least))
         for info in infos
         if info is not leader
     ]

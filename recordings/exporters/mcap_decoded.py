@@ -41,7 +41,7 @@ from imuscope.recordings.optional_packages import lacks
 
 Info = Mapping[str, Any]
 
-WINDOW = 1 << 14  # rows of the busiest channel held at once
+WINDOW_ROWS = 1 << 14  # rows of the busiest channel held at once
 PER_ROW = 100  # bytes of a message, roughly
 STANDARD = not lacks("foxglove")
 """Whether attitudes, positions and events are written as standard messages, too: Foxglove's package encodes them."""
@@ -89,7 +89,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
         target = ChunkedFile(file, profile="")
         target.write_channels({stream.topic.id: stream.topic for stream in streams})
         _events(request, len(streams) + 1, target)
-        for window in windows(request.columns, ranges, WINDOW):
+        for window in windows(request.columns, ranges, WINDOW_ROWS):
             rows = {
                 number: request.exact(payloads[number], *part)
                 if number in payloads

@@ -8,8 +8,8 @@ from imuscope.protocols.embedded.nmea import checksum
 from imuscope.protocols.events import RejectedFrame
 from imuscope.protocols.registry.families import PROTOCOLS, permissive_decoder
 
-FEWEST = 5  # frames
-MOST = 0.8  # of the frames or lines are such
+MIN_FRAMES = 5  # frames
+MIN_SHARE = 0.8  # of the frames or lines are such
 UBX, UBX_SIZE = b"\xb5\x62", 8  # mark of a frame, and its bytes beside the payload
 _SENTENCE = re.compile(rb"^[$!][A-Z][A-Z0-9]{2,9},[^*\r\n]*(\*[0-9A-Fa-f]{2})?\s*$")
 
@@ -17,20 +17,21 @@ _SENTENCE = re.compile(rb"^[$!][A-Z][A-Z0-9]{2,9},[^*\r\n]*(\*[0-9A-Fa-f]{2})?\s
 def has_unchecked_sentences(data: bytes) -> bool:
     """Whether the lines of a file are sentences of a GNSS receiver without a checksum."""
     sums = list(_sums(data))
-    return len(sums) >= FEWEST and sums.count(b"") >= MOST * len(sums)
+    return len(sums) >= MIN_FRAMES and sums.count(b"") >= MIN_SHARE * len(sums)
 
 
 def damaged_sentences(data: bytes) -> str:
     """Words on sentences of a GNSS receiver, in a file where none has a right checksum; "" if there are none."""
     sums = list(_sums(data))
-    return f"{len(sums)} sentences of NMEA" if len(sums) >= FEWEST and sums.count(b"") < MOST * len(sums) else ""
+    is_damaged = len(sums) >= MIN_FRAMES and sums.count(b"") < MIN_SHARE * len(sums)
+    return f"{len(sums)} sentences of NMEA" if is_damaged else ""
 
 
 def damaged_frames(data: bytes) -> str:
     """Words on frames in the first bytes of a file: "100 frames of UBX"; "" if there are none, or whole ones."""
     if words := damaged_sentences(data):
         return words
-    if (count := _ubx_frames(data)) >= FEWEST:
+    if (count := _ubx_frames(data)) >= MIN_FRAMES:
         return f"{count} frames of UBX"
     for name, row in PROTOCOLS.items():
         decoder = permissive_decoder(name)
@@ -39,7 +40,7 @@ def damaged_frames(data: bytes) -> str:
         rejects = [one for one in events if isinstance(one, RejectedFrame) and one.reason == "bad_checksum"]
         ends = {one.offset + one.size for one in rejects}  # others have the mark of a frame by chance
         following = sum(1 for one in rejects if one.offset in ends)
-        if len(rejects) >= max(FEWEST, MOST * len(events)) and following >= MOST * (len(rejects) - 1):
+        if len(rejects) >= max(MIN_FRAMES, MIN_SHARE * len(events)) and following >= MIN_SHARE * (len(rejects) - 1):
             return f"{len(rejects)} frames of {row.page.short or name}"
     return ""
 
@@ -58,7 +59,7 @@ def _sums(data: bytes) -> Iterator[bytes]:
     lines = [line for line in data.splitlines()[:-1] if line.strip()]
     matches = [match for line in lines if (match := _SENTENCE.match(line)) is not None]
     kinds = {match[0].partition(b",")[0][-3:].decode() for match in matches}
-    if lines and len(matches) >= MOST * len(lines) and kinds & TIME_AT.keys():
+    if lines and len(matches) >= MIN_SHARE * len(lines) and kinds & TIME_AT.keys():
         yield from (match[1] or b"" for match in matches)
 
 

@@ -32,10 +32,10 @@ from imuscope.recordings.sources import Source
 from imuscope.recordings.system.regular_file import open_regular
 
 BOM = b"\xef\xbb\xbf"
-_RECORD = 9  # opcode, length
-_DATA_END = _RECORD + 4
-_FOOTER = _RECORD + 20
-_METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # its offset in a statistics record
+_RECORD_HEAD = 9  # opcode, length
+_DATA_END = _RECORD_HEAD + 4
+_FOOTER = _RECORD_HEAD + 20
+_METADATA_COUNT = _RECORD_HEAD + 8 + 2 + 4 + 4  # its offset in a statistics record
 
 
 def full_recording(path: Path, title: str, edits: sidecar.Edits, format_name: str, out: BinaryIO) -> None:
@@ -107,7 +107,7 @@ def _with_metadata(file: BinaryIO, metadata: Metadata, out: BinaryIO) -> bool:
     if len(end) < _FOOTER + len(MAGIC) or end[0] != Opcode.FOOTER or not end.endswith(MAGIC):
         file.seek(0)
         return False
-    (start,) = struct.unpack_from("<Q", end, _RECORD)
+    (start,) = struct.unpack_from("<Q", end, _RECORD_HEAD)
     file.seek(max(0, start - _DATA_END))
     tail = file.read(size - start + _DATA_END - _FOOTER - len(MAGIC)) if start >= _DATA_END else b""
     file.seek(0)
@@ -129,10 +129,10 @@ def _with_metadata(file: BinaryIO, metadata: Metadata, out: BinaryIO) -> bool:
 def _summary(records: bytes) -> Iterator[bytes]:
     """The records of a summary with one more metadata counted, without its summary offsets."""
     at = 0
-    while at + _RECORD <= len(records):
+    while at + _RECORD_HEAD <= len(records):
         opcode, length = struct.unpack_from("<BQ", records, at)
-        record = bytearray(records[at : at + _RECORD + length])
-        at += _RECORD + length
+        record = bytearray(records[at : at + _RECORD_HEAD + length])
+        at += _RECORD_HEAD + length
         if opcode == Opcode.STATISTICS and len(record) >= _METADATA_COUNT + 4:
             (count,) = struct.unpack_from("<I", record, _METADATA_COUNT)
             struct.pack_into("<I", record, _METADATA_COUNT, count + 1)

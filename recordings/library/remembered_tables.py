@@ -18,7 +18,7 @@ from imuscope.recordings.tables.options import FileReading, reading_from
 
 FILE = "table-readings.json"
 VERSION = 1
-MOST = 200
+MAX_HEADINGS = 200
 MAX_BYTES = 8 << 20
 
 Heading = tuple[str, ...]
@@ -58,7 +58,7 @@ class TableMemory:
             changed = {one: known for one, known in self._readings.items() if one != key}
             if reading:
                 changed[key] = reading
-            self._readings = dict(list(changed.items())[-MOST:])
+            self._readings = dict(list(changed.items())[-MAX_HEADINGS:])
             self._write()
 
     def _read(self) -> None:

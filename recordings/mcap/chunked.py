@@ -30,16 +30,16 @@ from imuscope.recordings.mcap.records import MAGIC, MESSAGE_HEAD, FileContents, 
 from imuscope.recordings.mcap.writer import PROFILE
 
 HEAD = MESSAGE_HEAD.size  # of a message record, before its data
-SMALLEST, LARGEST = 1 << 14, 1 << 20  # bytes of a chunk before compression
-PART = 32  # of a file: at most this share is lost with a truncated or damaged chunk
-_LEVEL = 3
+MIN_CHUNK_BYTES, MAX_CHUNK_BYTES = 1 << 14, 1 << 20  # bytes of a chunk before compression
+CHUNKS_PER_FILE = 32  # of a file: at most this share is lost with a truncated or damaged chunk
+_COMPRESSION_LEVEL = 3
 
 
 def chunk_bytes(size: int) -> int:
     """Chunk size for a file of that size: small for a short one, because a damaged or truncated chunk is lost whole;
     for a long one as large as is efficient to read and compress.
     """
-    return min(max(size // PART, SMALLEST), LARGEST)
+    return min(max(size // CHUNKS_PER_FILE, MIN_CHUNK_BYTES), MAX_CHUNK_BYTES)
 
 
 def cut(sizes: Ints, largest: int) -> Iterator[tuple[int, int]]:
@@ -70,7 +70,7 @@ class ChunkedFile:
         self._contents = FileContents[int]()
         self._new: list[McapRecord] = []  # for the next chunk
         self._indexes: list[ChunkIndex] = []
-        self._zstd = zstandard.ZstdCompressor(level=_LEVEL)
+        self._zstd = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL)
         self._put(MAGIC + bytes_of(Header(profile, "imuscope")))
 
     def _put(self, data: bytes) -> int:

@@ -32,7 +32,7 @@ from imuscope.recordings.system.priority import lower_priority
 from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.system.resource_limits import TooLong, bounded, bounded_by
 
-MEMORY = 1 << 30  # bytes, of which it takes a tenth: it holds one chunk of a recording at a time
+MAX_MEMORY_BYTES = 1 << 30  # bytes, of which it takes a tenth: it holds one chunk of a recording at a time
 
 
 def compact(
@@ -184,7 +184,7 @@ def main() -> int:
     """
     die_with_parent()
     lower_priority(10)
-    bounded(MEMORY)
+    bounded(MAX_MEMORY_BYTES)
     for name in sys.argv[1:]:
         has_room, message, is_over = False, "", False
         try:

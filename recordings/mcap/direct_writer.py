@@ -9,7 +9,7 @@ import numpy as np
 
 from imuscope.protocols.messages.records import records_of
 from imuscope.recordings.mcap import write_kernel as rows
-from imuscope.recordings.mcap.read_memory import MAX_READS, NEVER, ReadFollower
+from imuscope.recordings.mcap.read_memory import MAX_READS, NEVER_NS, ReadFollower
 from imuscope.recordings.mcap.writer import McapWriter
 
 OUT_BYTES = 1 << 18
@@ -46,7 +46,7 @@ class DirectWriter:
     @property
     def oldest_ns(self) -> int:
         """Arrival of the oldest read that was not written, ns; NEVER if there is none."""
-        return min((ns for _, one in self._followed if (ns := one.oldest_ns) is not None), default=NEVER)
+        return min((ns for _, one in self._followed if (ns := one.oldest_ns) is not None), default=NEVER_NS)
 
     def sleep(self) -> bool:
         """Whether no link has anything, and the next read of any wakes the recording."""
@@ -71,7 +71,7 @@ class DirectWriter:
             link[: rows.STATE + 1] = [one.ctypes.data for one in addresses]
             link[rows.OFFSET] = memory.offset_ns + shift_ns
             link[rows.CHANNEL] = writer.bytes_channel(device, "rx")
-            link[rows.TAKE_COUNT], link[rows.FIRST] = follower.take_count, NEVER
+            link[rows.TAKE_COUNT], link[rows.FIRST] = follower.take_count, NEVER_NS
         arrays = self._out, self._ends, self._arrivals, self._timespec, self._counters, self.stop_flag
         until_ns = time.monotonic_ns() + longest_ns
         result = rows.write_reads(writer.fileno(), links, *arrays, turn_ns, until_ns, most)

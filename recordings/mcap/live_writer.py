@@ -33,7 +33,7 @@ from typing import Any, Literal
 from imuscope.protocols.messages.records import Definitions
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.direct_writer import DirectWriter
-from imuscope.recordings.mcap.read_memory import NEVER, ReadFollower
+from imuscope.recordings.mcap.read_memory import NEVER_NS, ReadFollower
 from imuscope.recordings.mcap.writer import Direction, McapWriter
 
 log = logging.getLogger("imuscope.recording")
@@ -45,7 +45,7 @@ SYNC_S = 1.0
 CHECK_S = 1.0  # at most, between two checks of the file
 MAX_WAITING = 256 << 20  # bytes
 HOLD_S = 0.05
-_BATCH = 4096  # chunks per write, so that a part ends near its size
+_BATCH_CHUNKS = 4096  # chunks per write, so that a part ends near its size
 
 Kind = Literal["chunks", "messages", "event", "note", "snapshot", "signals", "device", "gone", "split"]
 
@@ -259,7 +259,7 @@ class RecordingWriter:
             try:
                 oldest = int(self._queue[0][1])
             except IndexError:
-                oldest = NEVER
+                oldest = NEVER_NS
         oldest = min(oldest, self._direct.oldest_ns + self.shift_ns + round(TURN_S * 1e9))
         return max(0.0, (self._now_ns() + self.shift_ns - oldest) / 1e9)
 
@@ -297,7 +297,7 @@ class RecordingWriter:
                 while self._queue and self.error is None:
                     self._write_some()
                 is_busy = bool(self._direct) and self.error is None and self._write_direct()
-                has_all = not self._queue and self._direct.oldest_ns == NEVER
+                has_all = not self._queue and self._direct.oldest_ns == NEVER_NS
                 if (self._stopping and has_all) or self.error is not None:
                     return
         except RecordingError as error:
@@ -318,7 +318,7 @@ class RecordingWriter:
         if self._is_full():
             self._split()
         split_bytes, split_s = self._limits.split_bytes, self._limits.split_s
-        most = split_bytes - self._writer.size if split_bytes else NEVER
+        most = split_bytes - self._writer.size if split_bytes else NEVER_NS
         longest_s = 0.0 if self._stopping else min(TURNS_S, split_s or TURNS_S)
         turn_ns = round(TURN_S * 1e9)
         return self._direct.write(self._writer, self.shift_ns, turn_ns, round(longest_s * 1e9), most)
@@ -331,7 +331,7 @@ class RecordingWriter:
         self._oldest_ns = queue[0][1]  # items taken out are still waiting
         runs: list[tuple[str, Direction, Sequence[tuple[bytes, int]]]] = []
         count = 0
-        while queue and queue[0][0] == "chunks" and count < _BATCH:
+        while queue and queue[0][0] == "chunks" and count < _BATCH_CHUNKS:
             _, _, device, direction, chunks, size = queue.popleft()
             self._written_bytes += size
             count += len(chunks)

@@ -14,10 +14,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-NEVER = (1 << 63) - 1
+NEVER_NS = (1 << 63) - 1
 BUFFER_BYTES = 1 << 16
 MAX_READS = 1024
-READ_COUNT, LIMIT = 0, 1  # positions in ReadMemory.state
+READ_COUNT, READ_LIMIT = 0, 1  # positions in ReadMemory.state
 
 
 class ReadMemory:
@@ -38,7 +38,7 @@ class ReadMemory:
         data = bytearray(BUFFER_BYTES)
         self.view, self.buffer = memoryview(data), np.frombuffer(data, np.uint8)
         self.ends, self.arrivals = np.empty(MAX_READS, np.int64), np.empty(MAX_READS, np.int64)
-        self.state = np.array([0, NEVER], np.int64)
+        self.state = np.array([0, NEVER_NS], np.int64)
         self.offset_ns = offset_ns
 
 
@@ -71,18 +71,18 @@ class ReadFollower:
         last = self.memories[-1]
         if following is not None:
             self.memories.append(following)
-        last.state[LIMIT] = count
+        last.state[READ_LIMIT] = count
 
     def advance(self) -> None:
         """Go on with the next memory if all of the first is written."""
-        while self.take_count == self.memories[0].state[LIMIT] and len(self.memories) > 1:
+        while self.take_count == self.memories[0].state[READ_LIMIT] and len(self.memories) > 1:
             self.memories.popleft()
             self.take_count = 0
 
     @property
     def has_ended(self) -> bool:
         """Whether all is written, and no more comes."""
-        return len(self.memories) == 1 and self.take_count == self.memories[0].state[LIMIT]
+        return len(self.memories) == 1 and self.take_count == self.memories[0].state[READ_LIMIT]
 
     @property
     def oldest_ns(self) -> int | None:

@@ -46,8 +46,8 @@ PRIVATE = 0x80  # and above: record types reserved for applications
 ENDINGS = (DATA_END, FOOTER)  # with a fixed length; any other is damage
 CHANNEL_ID, TIME, DATA, LENGTH = range(4)  # rows of a block's table
 LARGEST_CHUNK = 64 << 20  # bytes; a larger one is damage. Writers make chunks of 1 to 4 MB
-_RECORD = 9  # opcode, length
-_COLUMNS = 1 << 15
+_RECORD_HEAD = 9  # opcode, length
+_SCANNED_RECORDS = 1 << 15
 _LONGEST_RECORD = 64 << 20  # bytes, of a record that is not a chunk; a longer one is damage
 
 
@@ -161,14 +161,14 @@ class McapReader:
 
     def _summary(self) -> list[ChunkIndex]:
         """Read chunk indexes, channels and metadata from the summary at the end, if present."""
-        footer = self.size - len(MAGIC) - _RECORD - 20
+        footer = self.size - len(MAGIC) - _RECORD_HEAD - 20
         if footer < len(MAGIC) or self._map[-len(MAGIC) :] != MAGIC or self._map[footer] != FOOTER:
             return []
         self.whole = True
-        start, _, checksum = struct.unpack_from("<QQI", self._map, footer + _RECORD)
+        start, _, checksum = struct.unpack_from("<QQI", self._map, footer + _RECORD_HEAD)
         if not len(MAGIC) <= start < footer:
             return []
-        if checksum and zlib.crc32(self._map[start : footer + _RECORD + 16]) != checksum:
+        if checksum and zlib.crc32(self._map[start : footer + _RECORD_HEAD + 16]) != checksum:
             self.damage.append(
                 FileDamage(start, "The index at the end is damaged; the file is read from its beginning.")
             )
@@ -186,7 +186,7 @@ class McapReader:
         chunks: list[ChunkIndex] = []
         while at < end:
             opcode, length = struct.unpack_from("<BQ", self._map, at)
-            body = self._map[at + _RECORD : at + _RECORD + length]
+            body = self._map[at + _RECORD_HEAD : at + _RECORD_HEAD + length]
             if opcode == CHUNK_INDEX:
                 chunks.append(ChunkIndex.read(_stream(body)))
                 if chunks[-1].chunk_start_offset + chunks[-1].chunk_length > self.size:
@@ -198,38 +198,38 @@ class McapReader:
                     self._read_record(METADATA, where)
             else:
                 self._learn(opcode, body)
-            at += _RECORD + length
+            at += _RECORD_HEAD + length
         return chunks
 
     def _read_record(self, opcode: int, at: int) -> None:
-        if at + _RECORD <= self.size and self._map[at] == opcode:
+        if at + _RECORD_HEAD <= self.size and self._map[at] == opcode:
             (length,) = struct.unpack_from("<Q", self._map, at + 1)
-            self._learn(opcode, self._map[at + _RECORD : at + _RECORD + length])
+            self._learn(opcode, self._map[at + _RECORD_HEAD : at + _RECORD_HEAD + length])
 
     def _walk(self, data: memoryview, at: int, done: int | None = None) -> Iterator[MessageBlock]:
         """Walk the records of a file without an index, or of a chunk (`done` is then its end)."""
         array = np.frombuffer(data, np.uint8)
         end = len(array)
-        table = np.empty((4, _COLUMNS), np.int64)
+        table = np.empty((4, _SCANNED_RECORDS), np.int64)
         while at < end:
             if done is None and self._is_cut_now(at):
                 return
             n, at, opcode, length = messages_from(array, at, table)
             if n:
                 yield MessageBlock(data, table[:, :n], at if done is None else done)
-                table = np.empty((4, _COLUMNS), np.int64)
+                table = np.empty((4, _SCANNED_RECORDS), np.int64)
             if opcode in (AT_END, FULL):
                 continue
             if (opcode, length) in ((DATA_END, 4), (FOOTER, 20)) and done is None:
                 return
-            whole = at + _RECORD + length
+            whole = at + _RECORD_HEAD + length
             if opcode <= 0 or DATA_END < opcode < PRIVATE or whole > end or (done is None and opcode in ENDINGS):
                 if done is not None:
                     self.damage.append(_cut(done))
                     return
                 behind = resume(array, at + 1, self._channel_ids())
                 if behind < 0:
-                    self.damage.append(_torn(at, bytes(data[at : at + _RECORD]), array[at:]))
+                    self.damage.append(_torn(at, bytes(data[at : at + _RECORD_HEAD]), array[at:]))
                     return
                 self.damage.append(_skipped(at, behind))
                 at = behind
@@ -237,7 +237,7 @@ class McapReader:
             if opcode == CHUNK and done is None:
                 yield from self._chunk(at, whole)
             else:
-                self._learn(opcode, bytes(data[at + _RECORD : whole]))
+                self._learn(opcode, bytes(data[at + _RECORD_HEAD : whole]))
             at = whole
 
     def _is_cut_now(self, at: int) -> bool:
@@ -259,9 +259,9 @@ class McapReader:
 
     def _unpacked(self, at: int, end: int) -> bytes | None:
         try:
-            head = struct.unpack_from("<QQQI", self._map, at + _RECORD)
+            head = struct.unpack_from("<QQQI", self._map, at + _RECORD_HEAD)
             size, checksum = head[2], head[3]
-            where = at + _RECORD + 28
+            where = at + _RECORD_HEAD + 28
             (named,) = struct.unpack_from("<I", self._map, where)
             packing = self._map[where + 4 : where + 4 + named].decode()
             where += 4 + named
@@ -322,9 +322,9 @@ def _stream(body: bytes) -> ReadDataStream:
 
 def _torn(at: int, head: bytes, rest: Bytes) -> FileDamage:
     """The file ends in an incomplete record, in zeros, or in data that no record follows."""
-    length = struct.unpack_from("<Q", head, 1)[0] if len(head) == _RECORD else 0
-    is_record = head[0] <= DATA_END and len(rest) < _RECORD + length and length <= _LONGEST_RECORD
-    torn = not rest.any() or (head[0] > 0 and (is_record or len(rest) < _RECORD))
+    length = struct.unpack_from("<Q", head, 1)[0] if len(head) == _RECORD_HEAD else 0
+    is_record = head[0] <= DATA_END and len(rest) < _RECORD_HEAD + length and length <= _LONGEST_RECORD
+    torn = not rest.any() or (head[0] > 0 and (is_record or len(rest) < _RECORD_HEAD))
     words = f"The file is whole up to byte {at:,}; the rest is missing or damaged.".replace(",", " ")
     return FileDamage(at, words, torn)
 

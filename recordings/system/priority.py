@@ -3,7 +3,7 @@
 import contextlib
 import os
 
-RAISED = -10
+RAISED_NICENESS = -10
 PERMIT = "LimitRTPRIO=1 in the unit, or a line `imuscope - rtprio 1` in /etc/security/limits.conf, permits it."
 SAME = "IMUSCOPE_SAME_PRIORITY"
 """Variable that keeps it as it is, for tests: a busy machine gives a process of low priority no time at all."""
@@ -17,7 +17,7 @@ def raise_priority() -> bool:
         os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
         return True
     with contextlib.suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, RAISED)
+        os.setpriority(os.PRIO_PROCESS, 0, RAISED_NICENESS)
         return True
     return False
 

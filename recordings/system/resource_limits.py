@@ -19,10 +19,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
-MEMORY = 3 << 30  # bytes; opening an hour of 2 kHz takes less than 500 MB
+MAX_MEMORY = 3 << 30  # bytes; opening an hour of 2 kHz takes less than 500 MB
 MIN_MEMORY = 1 << 30  # on a small machine: libraries reserve stacks for each core, which count but are not used
-SHARE = 2  # one process may use 1/SHARE of the machine's memory
-RUNNING, MIN_HISTORY = 128 << 20, 8 << 20  # bytes of a server without a history, and of the least history
+DIVISOR = 2  # one process may use 1/SHARE of the machine's memory
+SERVER_BYTES, MIN_HISTORY = 128 << 20, 8 << 20  # bytes of a server without a history, and of the least history
 CPU_S = 1800  # a day of 1 kHz takes minutes
 MIN_CPU_S, CPU_S_PER_MB = 60, 5  # a slow machine takes seconds to import, and one to read a megabyte of text
 
@@ -69,13 +69,13 @@ def seconds_for(size: int) -> int:
 
 def memory_of_one() -> int:
     """Memory allowed for one process on this machine, bytes."""
-    return max(MIN_MEMORY, min(MEMORY, min(_memories(), default=MEMORY * SHARE) // SHARE))
+    return max(MIN_MEMORY, min(MAX_MEMORY, min(_memories(), default=MAX_MEMORY * DIVISOR) // DIVISOR))
 
 
 def history_room() -> int:
     """Memory that the history of a server may take on this machine, bytes."""
-    available = min(_memories(), default=MEMORY * SHARE)
-    return max(MIN_HISTORY, (available - RUNNING) // SHARE, available - MEMORY // SHARE)
+    available = min(_memories(), default=MAX_MEMORY * DIVISOR)
+    return max(MIN_HISTORY, (available - SERVER_BYTES) // DIVISOR, available - MAX_MEMORY // DIVISOR)
 
 
 def memory_in_use() -> int:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # imported where a table is read, so that a server starts soo
     import pyarrow as pa
 
 
-FEWEST = 3  # cells in hexadecimal digits
+MIN_HEX_CELLS = 3  # cells in hexadecimal digits
 _DIGITS = re.compile(r"^(?:0[xX])?[0-9A-Fa-f]{2,16}$")
 _LETTER = re.compile(r"[A-DFa-df]")  # 13e2 is also a number
 _PREFIX = re.compile(r"^0[xX]")
@@ -44,7 +44,7 @@ def are_hexadecimal(cells: Sequence[str]) -> bool:
     Args:
         cells: not empty ones, stripped.
     """
-    if len(cells) < FEWEST or not all(map(_DIGITS.match, cells)):
+    if len(cells) < MIN_HEX_CELLS or not all(map(_DIGITS.match, cells)):
         return False
     if all(map(_PREFIX.match, cells)):
         return True

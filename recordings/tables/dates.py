@@ -18,9 +18,9 @@ from typing import Literal, NamedTuple
 
 Order = Literal["mdy", "dmy"]
 
-HOUR = 3600.0
-DAY = 86400.0
-WEEK = 604_800.0
+HOUR_S = 3600.0
+DAY_S = 86400.0
+WEEK_S = 604_800.0
 GPS_EPOCH = 315_964_800.0
 LAST_YEAR_S = 5e10  # of the years that a date has room for
 OLD_YEARS = 70  # from which on a year of two digits is one of the last century
@@ -110,7 +110,7 @@ def are_packed(cells: Sequence[str], newest: float, *, named: bool) -> bool:
         return bool(cells) and all(moment is not None and moment <= newest for moment in moments)
     seconds = [seconds_of_day(cell) or 0.0 for cell in cells]
     steps = sorted(after - before for before, after in pairwise(seconds))
-    is_even = len(steps) > 1 and 0 < steps[-1] < min(2 * steps[0], HOUR)
+    is_even = len(steps) > 1 and 0 < steps[-1] < min(2 * steps[0], HOUR_S)
     return named or cells[0].startswith("0") or (is_even and len({cell[:4] for cell in cells}) > 1)
 
 
@@ -165,7 +165,7 @@ def seconds_of_day(text: str) -> float | None:
     if (match := _MINUTES.match(text)) is not None:
         return int(match[1]) * 60 + int(match[2]) + float(f"0.{match[3]}")
     if (match := _DAYS.match(text)) is not None:
-        return int(match[1]) * DAY + (seconds_of_day(match[2]) or 0.0 if match[2] else 0.0)
+        return int(match[1]) * DAY_S + (seconds_of_day(match[2]) or 0.0 if match[2] else 0.0)
     match = _CLOCK.match(text)
     if match is None:
         packed = _PACKED_CLOCK.match(text)

@@ -35,7 +35,7 @@ START_NAMES = ("start time", "start", "start_time", "starttime", "recording star
 START_PAIRS = tuple((f"{of}date", f"{of}time") for of in ("start ", "", "recording ", "log "))
 ORDERS: Mapping[str, Order] = {"m": "mdy", "d": "dmy"}  # first letter of a date format
 GPS_NAMES, GPS_PARTS = ("gpst", "gps time"), ("GPS week", "tow (s)")
-MOST = 0.8  # of the lines have as many cells as there are columns
+MIN_SHARE = 0.8  # of the lines have as many cells as there are columns
 SEPARATORS = "\t;|, "
 _UNIT = re.compile(
     r"|[(\[].*[)\]]|[mnuµ]?s(?:ecs?)?|seconds|(?:deg|degrees?|°|rad|dps)(?:/s(?:ec)?)?|[mck]?m|km/?h|kph|m?g|[unµm]?t|"
@@ -237,7 +237,7 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     unused = 0
     if not headings and longer and not any(map(_is_bare, longer[:count])):
         headings, unused = longer[:count], len(longer) - count
-    decimal, is_ragged = _decimal(sample, separator), len(sample) < MOST * len(rows)
+    decimal, is_ragged = _decimal(sample, separator), len(sample) < MIN_SHARE * len(rows)
     if headings and not headings[-1] and _numbers_rows(sample):
         headings = ["", *headings[:-1]]
     if not headings and shorter and _numbers_rows(sample):
@@ -298,7 +298,7 @@ def _shape(body: Sequence[str], forced: str) -> tuple[str, int]:
     for separator in forced if forced and tail and forced in tail[-1] else SEPARATORS:
         rows = [split(line, separator) for line in tail]
         count, times = Counter(map(len, rows)).most_common(1)[0] if rows else (0, 0)
-        is_table = count > 1 and times > MOST * len(rows)
+        is_table = count > 1 and times > MIN_SHARE * len(rows)
         is_headed = any(len(_head_cells(line, separator, count)) == count for line in body[: len(body) - len(tail)])
         key = (is_table, any(map(_is_data, rows[-FEWEST_ROWS:])), count > 1, separator != " ", is_headed)
         if key > best[0]:

@@ -31,8 +31,8 @@ LIST = "\t"  # between cells with lists
 _NUMBERS = re.compile(r"[-+]?[\d.][\d.eE+-]*(?:,[-+]?[\d.][\d.eE+-]*)*")
 _QUATERNION = re.compile(r"DataType=Quaternion\s*$")
 QUATERNION = 4
-FEWEST = 3  # numbers of a list: two could be one with a decimal comma
-MOST = 0.8  # of the lines have a mark, or the same words
+MIN_NUMBERS = 3  # numbers of a list: two could be one with a decimal comma
+MIN_SHARE = 0.8  # of the lines have a mark, or the same words
 CELLS = "\t"  # between the cells that are made of a row
 FEWEST_ROWS = 3  # with the same words
 _MOMENT = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?Z?|\d{1,2}:\d\d:\d\d(?:[.,]\d+)?"
@@ -75,7 +75,7 @@ def labels_of(lines: Sequence[str]) -> RowLabels | None:
         return None
     parsed = [_parsed(row)[:2] for row in rows]
     labels, count = Counter(one for one, _ in parsed).most_common(1)[0]
-    if count <= MOST * len(rows) or not _is_labelled(labels):
+    if count <= MIN_SHARE * len(rows) or not _is_labelled(labels):
         return None
     units = next(units for one, units in parsed if one == labels)
     return RowLabels(_names(labels, units), labels)
@@ -229,10 +229,10 @@ def marks_of(lines: Sequence[str], separator_of: Callable[[list[str]], str]) -> 
     if widths := _widths(rows[len(rows) // 2 :]):
         return LineMarks(widths=widths, is_quaternion=any(map(_QUATERNION.match, rows)))
     stamped = [_STAMP.sub("", row) for row in rows if _STAMP.match(row)]
-    is_stamped = len(stamped) > MOST * len(rows)
+    is_stamped = len(stamped) > MIN_SHARE * len(rows)
     cells = stamped if is_stamped else rows
     ended = [row for row in cells if _END.search(row) and row.count(";") == 1 and _CELLS.search(row)]
-    has_end = len(ended) > MOST * len(cells)
+    has_end = len(ended) > MIN_SHARE * len(cells)
     marks = LineMarks(has_end=has_end)
     return LineMarks(separator_of([marks.removed(row) for row in cells]) or ",", has_end) if is_stamped else marks
 
@@ -242,5 +242,5 @@ def _widths(rows: Sequence[str]) -> Sequence[int]:
     cells = [row.strip().split(LIST) for row in rows]
     widths = Counter(tuple(cell.count(",") + 1 for cell in row) for row in cells)
     one, count = widths.most_common(1)[0] if widths else ((), 0)
-    is_list = len(one) > 1 and max(one) >= FEWEST and 2 not in one and count > MOST * len(cells)
+    is_list = len(one) > 1 and max(one) >= MIN_NUMBERS and 2 not in one and count > MIN_SHARE * len(cells)
     return one if is_list and all(_NUMBERS.fullmatch(cell) for row in cells[:-1] for cell in row) else ()

@@ -29,7 +29,7 @@ AxisClock = Literal["", "device", "arrival"]
 NO_COLUMN = "none"
 OTHERS = "*"  # columns that no line names
 UNITS = ("s", "ms", "us", "µs", "ns")
-LONGEST = 200  # characters of a heading
+MAX_HEADING_CHARS = 200  # characters of a heading
 MOST_COLUMNS = 500
 SLOWEST_HZ, FASTEST_HZ = 1e-6, 1e7
 _LINE = re.compile(r"^(?P<column>[^=]+?)\s*=\s*(?P<name>.*)$")

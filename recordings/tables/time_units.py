@@ -34,23 +34,23 @@ SPELLINGS: Mapping[str, str] = {spelling: unit for spelling, unit in _UNITS.item
 LONG: Mapping[str, str] = {spelling: unit for spelling, unit in _UNITS.items() if unit not in UNITS}
 """Spellings of units that only a heading can name."""
 FACTORS: Mapping[str, float] = {**UNITS, "min": 60.0, "h": 3600.0, "d": 86_400.0}
-OLDEST = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock that is not set
-RECENT = 6 * 365 * 86400.0  # s before the file was written: most logs are opened sooner
+OLDEST_UNIX_S = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock that is not set
+RECENT_S = 6 * 365 * 86400.0  # s before the file was written: most logs are opened sooner
 # Rates, Hz. Where sensors set no limit, they are those with which no table is read in a wrong unit of all that
 # tests/recordings/tables/test_time_units.py makes; steps there are up to a fifth longer or shorter than usual.
-FASTEST = 34_000.0  # 32 kHz, the fastest output of an ICM-42688-P, by an oscillator that is 6 % fast
+MAX_HZ = 34_000.0  # 32 kHz, the fastest output of an ICM-42688-P, by an oscillator that is 6 % fast
 FASTEST_FRACTION = 5_000.0  # 4 kHz, steps a fifth shorter: faster loggers write whole numbers
-SLOWEST = 1e-5  # one sample a day, of anything
+MIN_HZ = 1e-5  # one sample a day, of anything
 SLOWEST_INERTIAL = 0.41  # 0.5 Hz, steps a fifth longer; 0.4 Hz would be 400 Hz in the next unit
 SLOWEST_DATED = 0.05  # of an inertial sensor, with dates or decimals: a logger that sleeps 20 s between samples
 # A date in one unit is a device that has run for 11 to 21 days in the next one, at a thousand times the rate.
 LONGEST_RUN = 400 * 86400.0  # s, of a device without a restart: a year and a month
 LONG_RUN, FASTEST_LONG = 86400.0, 11_000.0  # s; 8 kHz of flight controllers, steps a fifth shorter and rounded
 FASTEST_WEEKS = 2_500.0  # 2 kHz, steps a fifth shorter: of an inertial sensor that has run for as long as a recent date
-FEW = 8  # steps, of which one when a clock is set moves the median
-USUAL = 3.0  # times the median step: longer ones are gaps
-UNSORTED = 0.1  # of the steps go back: more than by resets and wraps
-CLOSE = 0.2  # of a rate that is known: a head may round it, and samples may be missing
+MIN_MEDIAN_STEPS = 8  # steps, of which one when a clock is set moves the median
+GAP_STEPS = 3.0  # times the median step: longer ones are gaps
+UNSORTED_SHARE = 0.1  # of the steps go back: more than by resets and wraps
+RATE_TOLERANCE = 0.2  # of a rate that is known: a head may round it, and samples may be missing
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ def rate_text(rate: float) -> str:
 
 def in_order(times: Floats) -> Floats:
     """The times, sorted if so many step back that the rows have no order: their neighbours then say nothing."""
-    return np.sort(times) if len(times) > 1 and (np.diff(times) < 0).mean() > UNSORTED else times
+    return np.sort(times) if len(times) > 1 and (np.diff(times) < 0).mean() > UNSORTED_SHARE else times
 
 
 def usual_step(times: Floats) -> float:
@@ -94,7 +94,8 @@ def usual_step(times: Floats) -> float:
     be that of a clock that is set.
     """
     steps = _advances(times)
-    return float(np.quantile(steps, 0.5, method="lower" if len(steps) < FEW else "linear")) if len(steps) else 0.0
+    is_short = len(steps) < MIN_MEDIAN_STEPS
+    return float(np.quantile(steps, 0.5, method="lower" if is_short else "linear")) if len(steps) else 0.0
 
 
 def _advances(times: Floats) -> Floats:
@@ -104,13 +105,13 @@ def _advances(times: Floats) -> Floats:
 
 def is_dated(first: float, newest: float) -> bool:
     """Whether a time since 1970, s, is a date that a file can hold that was last written at `newest`."""
-    return OLDEST <= first <= newest
+    return OLDEST_UNIX_S <= first <= newest
 
 
 def mean_step(times: Floats) -> float:
     """Mean of the steps that are not gaps, which rounding does not change; 0 if none advances."""
     steps = _advances(times)
-    return float(steps[steps <= USUAL * usual_step(times)].mean()) if len(steps) else 0.0
+    return float(steps[steps <= GAP_STEPS * usual_step(times)].mean()) if len(steps) else 0.0
 
 
 def possible_units(
@@ -132,15 +133,15 @@ def possible_units(
     each = len(times) / max(len(np.unique(times)), 1)  # rows of one time: several samples, by a clock that is coarse
     usual, last = float(np.median(times)), float(np.abs(times).max())  # not the first: the clock may be set later
     fraction |= bool((times != np.round(times)).any())
-    fastest = FASTEST_FRACTION if fraction else FASTEST
+    fastest = FASTEST_FRACTION if fraction else MAX_HZ
     matches = []
     for unit, factor in UNITS.items():
         its_rate = 1 / (step * factor) if step * factor else 0.0
         dated = is_dated(usual * factor, newest)
-        slowest = SLOWEST if not inertial else SLOWEST_DATED if dated or fraction else SLOWEST_INERTIAL
+        slowest = MIN_HZ if not inertial else SLOWEST_DATED if dated or fraction else SLOWEST_INERTIAL
         longest = LONG_RUN if its_rate * each > FASTEST_LONG else LONGEST_RUN
-        is_rate = not step or (its_rate <= fastest and slowest <= its_rate * each <= FASTEST)
-        is_known = not rate or not step or abs(its_rate - rate) <= CLOSE * rate
+        is_rate = not step or (its_rate <= fastest and slowest <= its_rate * each <= MAX_HZ)
+        is_known = not rate or not step or abs(its_rate - rate) <= RATE_TOLERANCE * rate
         if is_rate and is_known and (dated or last * factor <= longest):
             matches.append(UnitReading(unit, its_rate, dated))
     return sorted(matches, key=lambda one: not one.dated)
@@ -158,10 +159,10 @@ def decided(readings: Sequence[UnitReading], times: Floats, *, inertial: bool, n
     if len(dated) != 1:
         return None
     usual = float(np.median(times))
-    recent = usual * dated[0].factor > newest - RECENT
+    recent = usual * dated[0].factor > newest - RECENT_S
     others = [one for one in readings if not one.dated]
     if recent and not inertial:  # rather a date than a device that has run for weeks, whatever the rate
-        others = [one for one in others if usual * one.factor < OLDEST / 1000]
+        others = [one for one in others if usual * one.factor < OLDEST_UNIX_S / 1000]
     steps = _advances(times) * dated[0].factor
     best = 1 / float(steps.min()) if len(steps) else 0.0
     least = FASTEST_LONG if not recent else FASTEST_WEEKS if inertial else np.inf

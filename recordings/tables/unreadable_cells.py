@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 MOST_NAMED = 4
-EXACT = 2.0**53  # whole numbers up to it are floats
+MAX_EXACT_INTEGER = 2.0**53  # whole numbers up to it are floats
 MOST_TRIED = 100  # numbers of a block
 
 
@@ -40,7 +40,7 @@ class UnreadableCells:
             self._numeric.add(column)
         if column not in self._rounded:
             sizes = np.abs(cells.values)
-            large = np.flatnonzero((sizes >= EXACT) & (sizes < np.inf))[:MOST_TRIED]
+            large = np.flatnonzero((sizes >= MAX_EXACT_INTEGER) & (sizes < np.inf))[:MOST_TRIED]
             pairs = ((str(texts[int(row)].as_py()).strip(), cells.values[row]) for row in large)
             for text in (text for text, value in pairs if _is_whole(text) and int(text) != int(value)):
                 self._rounded.setdefault(column, text)

@@ -40,7 +40,7 @@ from typing import Literal
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.recordings.mcap.read_memory import NEVER, ReadFollower
+from imuscope.recordings.mcap.read_memory import NEVER_NS, ReadFollower
 from imuscope.server.concurrency.listeners import CallbackList
 from imuscope.server.errors import DomainError
 from imuscope.server.wire import Attempt
@@ -161,7 +161,7 @@ class Flow:
     keep_datagrams: bool = True
     arrivals: CallbackList[[Sequence[Chunk]]] = field(default_factory=CallbackList)
     dropped: int = 0
-    deadlines: Ints = field(default_factory=lambda: np.array([0, NEVER], np.int64))
+    deadlines: Ints = field(default_factory=lambda: np.array([0, NEVER_NS], np.int64))
 
 
 class Link(ABC):

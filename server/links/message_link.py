@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from imuscope.protocols.messages.family import NAME
-from imuscope.protocols.messages.records import COUNTED, LONGEST, MessageChannel, definition, message_record
+from imuscope.protocols.messages.records import COUNTED, MAX_RECORD, MessageChannel, definition, message_record
 from imuscope.server.links.base import Chunk, LinkError, LinkSettings
 from imuscope.server.links.reader_thread import ChunkQueue, ThreadedLink
 from imuscope.server.links.source_url import SourceUrl, bad
@@ -130,7 +130,7 @@ class MessageLink(ThreadedLink):
     def deliver(self, channel: int, data: bytes, arrival_ns: int, *, sequence: int = 0, publish_ns: int = 0) -> None:
         """Take a message that has just arrived; from any thread."""
         queue, flusher = self._queue, self._flusher
-        if queue is None or flusher is None or not channel or len(data) >= LONGEST - 64:
+        if queue is None or flusher is None or not channel or len(data) >= MAX_RECORD - 64:
             return
         record = message_record(channel, data, sequence=sequence, publish_ns=publish_ns)
         with self._lock:

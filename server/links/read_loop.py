@@ -28,7 +28,7 @@ from itertools import pairwise
 import numpy as np
 
 from imuscope.protocols.arrays import Ints
-from imuscope.recordings.mcap.read_memory import BUFFER_BYTES, MAX_READS, NEVER, READ_COUNT, ReadFollower, ReadMemory
+from imuscope.recordings.mcap.read_memory import BUFFER_BYTES, MAX_READS, NEVER_NS, READ_COUNT, ReadFollower, ReadMemory
 from imuscope.server.links.base import RECORDING_DEADLINE, Chunk
 from imuscope.server.links.read_kernel import ROOM_BYTES, SECOND_NS, gather, promise
 
@@ -120,7 +120,7 @@ class ReadLoop:
         """End the follower, after all earlier reads were taken."""
         if self.follower is not None:
             follower, self.follower = self.follower, None
-            self._deadlines[RECORDING_DEADLINE] = NEVER
+            self._deadlines[RECORDING_DEADLINE] = NEVER_NS
             follower.extend(self._take_count, None)
             follower.wake()
 
@@ -132,7 +132,7 @@ class ReadLoop:
     def wake_follower(self) -> None:
         """Wake the follower if it wants that, in the reading thread."""
         if self.follower is not None and not self._deadlines[RECORDING_DEADLINE]:
-            self._deadlines[RECORDING_DEADLINE] = NEVER
+            self._deadlines[RECORDING_DEADLINE] = NEVER_NS
             self.follower.wake()
 
     def _sleep(self, follower: ReadFollower) -> bool:
@@ -140,7 +140,7 @@ class ReadLoop:
         count = promise(self._deadlines, RECORDING_DEADLINE, 0, memory.state)
         if len(follower.memories) == 1 and count == follower.take_count and follower is self.follower:
             return True
-        self._deadlines[RECORDING_DEADLINE] = NEVER
+        self._deadlines[RECORDING_DEADLINE] = NEVER_NS
         return False
 
     def _chunks(self, count: int) -> list[Chunk]:

@@ -51,6 +51,8 @@ class Fenced(griffe.Extension):
 
 def main() -> int:
     """The command line."""
+    if not (ROOT / DOCS / "http-api.md").exists():  # not in git; the check has written it before
+        subprocess.run([sys.executable, "-m", "imuscope.server.generators"], cwd=ROOT, check=True)
     state = digest()
     if STAMP.is_file() and STAMP.read_text() == state:
         print("artifacts/site: fresh")

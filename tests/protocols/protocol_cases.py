@@ -226,7 +226,7 @@ SPEAKERS = {
     ),
     "isb": ProtocolCase(
         "isb",
-        isb.MAX_PACKET + ubx.LONGEST,
+        isb.MAX_PACKET + ubx.MAX_PAYLOAD_BYTES,
         b"\xef\x49",
         isb_plain,
         isb_packet_of,
@@ -246,7 +246,7 @@ SPEAKERS = {
     ),
     "mip": ProtocolCase(
         "mip",
-        mip_vectors.LONGEST + ubx.LONGEST,
+        mip_vectors.LONGEST + ubx.MAX_PAYLOAD_BYTES,
         b"\x75\x65",
         mip_vectors.plain,
         mip_vectors.packet_of,

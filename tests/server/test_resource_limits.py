@@ -266,7 +266,7 @@ def test_limits_follow_the_file_and_the_machine() -> None:
     assert resource_limits.seconds_for(0) == resource_limits.MIN_CPU_S
     assert resource_limits.seconds_for(6 << 20) < 120
     assert resource_limits.seconds_for(1 << 40) == resource_limits.CPU_S
-    assert resource_limits.MIN_MEMORY <= resource_limits.memory_of_one() <= resource_limits.MEMORY
+    assert resource_limits.MIN_MEMORY <= resource_limits.memory_of_one() <= resource_limits.MAX_MEMORY
 
 
 def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ GNSS_NS = 200_000_000
 LEAP_S = 18  # GPS time is ahead of UTC since 2017
 UTC_2026_S = 1_767_225_600
 TURN_RANGE, FORCE_RANGE = math.radians(4000), 16 * trajectory.GRAVITY  # IMX-5 data sheet
-STILL = 0.05  # m/s
+STILL_M_S = 0.05  # m/s
 
 NAV, IMU, SLOW, GNSS = "nav", "imu", "slow", "gnss"
 FLIP = np.array([1.0, -1.0, -1.0])  # of a body vector, y left and z up to y right and z down
@@ -58,7 +58,7 @@ SKY = (  # system, satellite, elevation °, azimuth °, carrier to noise ratio i
     *((4, 19, 44, 14, 38), (4, 27, 7, 201, 22), (6, 1, 52, 96, 43), (6, 7, 33, 349, 39), (6, 14, 6, 61, 24)),
     (2, 123, 36, 171, 36),
 )
-STRONG = 30  # dBHz; stronger satellites are used
+MIN_DBHZ = 30  # dBHz; stronger satellites are used
 
 # Bits of the status words, as named in datasets.txt.
 _COARSE, _FINE = 0b111, 0b111 << 4
@@ -224,7 +224,7 @@ class SignalSamples:
 
     @cached_property
     def ins_status(self) -> Array:
-        still = trajectory.speed(self.motion) < STILL
+        still = trajectory.speed(self.motion) < STILL_M_S
         word = np.where(self.fixed, _COARSE | _GPS_POSITION | _UPDATE | _NAV_MODE | _GPS_VELOCITY | _NAV | _FIX_3D, 0)
         word |= np.where(self.fixed, 0, 1 | _ALIGNING)
         word |= np.where(self.fine, _FINE | _KINEMATIC, 0) | np.where(still, _STATIONARY, 0) | _MAG_HEADING
@@ -232,7 +232,7 @@ class SignalSamples:
 
     @cached_property
     def hdw_status(self) -> Array:
-        moving = trajectory.speed(self.motion) >= STILL
+        moving = trajectory.speed(self.motion) >= STILL_M_S
         word = np.where(self.fixed, _RECEIVING | _TIME_VALID, 0) | _PASSED
         word |= np.where(moving, _SHAKEN, 0) | np.where(np.abs(self.motion.rate).max(axis=1) > 0.02, _TURNING, 0)
         word |= np.where(np.abs(self.rotation_rate).max(axis=1) >= TURN_RANGE, _CLIPPED_TURN, 0)
@@ -241,7 +241,7 @@ class SignalSamples:
     @cached_property
     def gps_status(self) -> Array:
         """Satellites used, fix, fix is good, PPS."""
-        used = np.where(self.fixed, sum(cno > STRONG for *_, cno in SKY), 0)
+        used = np.where(self.fixed, sum(cno > MIN_DBHZ for *_, cno in SKY), 0)
         return np.asarray(used | np.where(self.fixed, 3 << 8 | 1 << 16 | 1 << 28, 0))
 
 
@@ -333,7 +333,7 @@ def _position(at: SignalSamples, out: Array) -> None:
     better = np.exp(-np.maximum(at.times - FIRST_FIX_NS, 0) / (6 * S))
     out["hAcc"], out["vAcc"] = np.where(fixed, 0.9 + 4 * better, 1e3), np.where(fixed, 1.4 + 6 * better, 1e3)
     out["pDop"] = np.where(fixed, 1.5 + better, 99.99)
-    out["cnoMean"] = np.mean([cno for *_, cno in SKY if cno > STRONG])
+    out["cnoMean"] = np.mean([cno for *_, cno in SKY if cno > MIN_DBHZ])
     out["cnoMeanSigma"] = 41
     out["towOffset"] = np.where(fixed, (at.gps[1] - at.up) / 1e9, 0.0)
     out["leapS"] = LEAP_S
@@ -359,8 +359,8 @@ def _satellites(at: SignalSamples, out: Array) -> None:
         one = out["sat"][:, i]
         one["gnssId"], one["svId"], one["elev"], one["azim"] = system, number, elevation, azimuth
         one["cno"] = cno + np.rint(2 * np.sin(at.times / (11 + i) / 1e9))
-        used = (one["cno"] > STRONG) & at.fixed
-        out["sat"]["status"][:, i] = np.where(used, 7 | 1 << 3 | 1 << 4, np.where(one["cno"] > STRONG, 4 | 1 << 4, 2))
+        used = (one["cno"] > MIN_DBHZ) & at.fixed
+        out["sat"]["status"][:, i] = np.where(used, 7 | 1 << 3 | 1 << 4, np.where(one["cno"] > MIN_DBHZ, 4 | 1 << 4, 2))
 
 
 # -- packets -----------------------------------------------------------------------------------------------------------

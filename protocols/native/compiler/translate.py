@@ -41,7 +41,7 @@ _PASSES = 8
 """Types of variables are settled after two or three passes over a function."""
 _ON_STACK = 1 << 16
 """Bytes: an array of a size that is known, and no larger, lies on the stack."""
-_FEW = 256
+_STACK_ITEMS = 256
 """An array of a size that is not known lies on the stack if it has at most so many elements."""
 VOID = NumberType("void")
 
@@ -314,10 +314,11 @@ class _Translation:
             self.memory[name] = f"    {c_item} {place}[{count}];"
             data = place
         else:
+            few, size = f"{place}_few", f"({count}) * sizeof({c_item})"
             self.memory[name] = (
-                f"    {c_item} {place}_few[{_FEW}];\n    void *{place} __attribute__((cleanup(give_back))) = 0;"
+                f"    {c_item} {few}[{_STACK_ITEMS}];\n    void *{place} __attribute__((cleanup(give_back))) = 0;"
             )
-            data = f"({count}) <= {_FEW} ? {place}_few : ({c_item} *)({place} = memory(({count}) * sizeof({c_item})))"
+            data = f"({count}) <= {_STACK_ITEMS} ? {few} : ({c_item} *)({place} = memory({size}))"
         each = ", ".join(cast(one, INT).text for one in shape)
         self._put(f"{_c_name(name)} = ({self.source.use(kind)}){{{data}, {{{each}}}}};")
         if made is not np.empty:

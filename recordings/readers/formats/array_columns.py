@@ -15,7 +15,7 @@ from imuscope.recordings.tables.table_source import is_rate_name
 if TYPE_CHECKING:
     import pyarrow as pa
 
-FEWEST = 2
+MIN_ROWS = 2
 AXES = ("x", "y", "z")
 
 
@@ -35,7 +35,7 @@ def columns_of(
     usable = {name: array for name, array in arrays.items() if _is_table(array)}
     if not usable:
         raise RecordingError(f"{file} has no arrays with rows of numbers.", "Save an array with a row for each sample.")
-    counts = Counter(size for array in usable.values() for size in {*array.shape} if size >= FEWEST)
+    counts = Counter(size for array in usable.values() for size in {*array.shape} if size >= MIN_ROWS)
     rows = max(counts, key=lambda size: (counts[size], size))
     columns: dict[str, Array] = {}
     others: list[str] = []
@@ -82,8 +82,8 @@ def _begins_with_time(matrix: Array | None) -> TypeGuard[Array]:
 
 def _is_table(array: Array) -> bool:
     if array.dtype.names:
-        return array.ndim == 1 and len(array) >= FEWEST
-    is_filled = array.size > 0 and max(array.shape, default=0) >= FEWEST  # one of (10¹², 0) has rows without end
+        return array.ndim == 1 and len(array) >= MIN_ROWS
+    is_filled = array.size > 0 and max(array.shape, default=0) >= MIN_ROWS  # one of (10¹², 0) has rows without end
     return array.dtype.kind in "fiubMm" and 1 <= array.ndim <= 2 and is_filled
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from imuscope.protocols.arrays import Ints
 from imuscope.protocols.messages.decoder import MOST_CHANNELS, reader_of
 from imuscope.protocols.messages.records import (
-    LONGEST,
+    MAX_RECORD,
     MESSAGE_HEAD,
     MessageChannel,
     definition,
@@ -114,7 +114,7 @@ class BagSource(MessageFile):
         for piece in self.pieces(start_ns, stop_ns):
             table = piece.table
             is_known = known[np.minimum(np.searchsorted(known, table[NUMBER]), len(known) - 1)] == table[NUMBER]
-            usable = is_known & (table[TIME] >= 0) & (table[TIME] < LATEST_NS) & (table[SIZE] < LONGEST)
+            usable = is_known & (table[TIME] >= 0) & (table[TIME] < LATEST_NS) & (table[SIZE] < MAX_RECORD)
             odd += int(np.count_nonzero(is_known & ~usable))
             chosen = table if usable.all() else np.ascontiguousarray(table[:, usable])
             block.add(BagPiece(piece.data, chosen, piece.share))

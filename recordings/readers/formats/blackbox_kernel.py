@@ -12,7 +12,7 @@ from imuscope.protocols.arrays import Bytes, Ints
 from imuscope.protocols.native.kernels import BYTES, INT, INTS, PAIR, TABLE, compiled
 
 INTRA, INTER, SLOW, GPS, HOME, EVENT = range(6)
-RESUMED = 14  # an event: logging goes on after a pause
+RESUMED_EVENT = 14  # an event: logging goes on after a pause
 SIGNED_VB, UNSIGNED_VB, NEG_14BIT, TAG8_8SVB, TAG2_3S32, TAG8_4S16, NULL, TAG2_3SVARIABLE = 0, 1, 3, 6, 7, 8, 9, 10
 (PREDICT_NOTHING, PREDICT_LAST, PREDICT_LINE, PREDICT_MEAN, PREDICT_MIN_THROTTLE, PREDICT_MOTOR, PREDICT_COUNT) = range(
     7
@@ -26,7 +26,7 @@ MAIN_COUNT, SLOW_COUNT, GPS_COUNT, DAMAGED, FOLLOWS, LOST, JUMPS, ODD_TIME = ran
 """Positions in the counters: frames written; bytes of damage; whether differences can follow; frames left out; whether
 the time may jump; the time of a whole frame that was left out because of a jump.
 """
-LONGEST = 512  # bytes of a frame, more than any has
+MAX_FRAME_BYTES = 512  # bytes of a frame, more than any has
 _BITS_32 = 0xFFFFFFFF
 _MOST_SKIPPED = 4096  # loops between two frames
 _FURTHEST_US = 10_000_000  # between two main frames
@@ -245,7 +245,7 @@ def _event(data: Bytes, at: int) -> int:
     count = 0
     if kind in (0, 15):  # the beep at the start, disarming
         count = 1
-    elif kind in (RESUMED, 30):  # logging resumes, flight mode
+    elif kind in (RESUMED_EVENT, 30):  # logging resumes, flight mode
         count = 2
     elif kind == 13:  # adjustment in flight
         if at < len(data) and int(data[at]) >= 128:
@@ -330,7 +330,7 @@ def frames_of(
     """
     at = 0
     while at < len(data):
-        if len(data) - at < LONGEST and is_last == 0:
+        if len(data) - at < MAX_FRAME_BYTES and is_last == 0:
             return at
         n, m, k = counters[MAIN_COUNT], counters[SLOW_COUNT], counters[GPS_COUNT]
         if n == main.shape[1] or m == slow.shape[1] or k == gps.shape[1]:
@@ -351,7 +351,7 @@ def frames_of(
         kind = int(data[at + 1])
         at = end
         if row == EVENT:
-            if kind == RESUMED:
+            if kind == RESUMED_EVENT:
                 counters[JUMPS] = 1
             continue
         if row == INTER and counters[FOLLOWS] == 0:

@@ -16,7 +16,7 @@ from imuscope.protocols.can.lines import (
     DAMAGED,
     DATA,
     ERROR,
-    EXTENDED,
+    EXTENDED_BIT,
     FD,
     LINE,
     LONGEST_NAME,
@@ -39,7 +39,7 @@ _MINUS, _COLON, _X, _R, _D, _E, _DOT = b"-:xrdE."
 _NUL, _NINE = b"09"
 _T, _CAPITAL_R, _LOWER_E = b"TRe"
 _DAY_S, _SECOND_NS = 86_400, 1_000_000_000
-_LEAST_FD, _MOST = 2, 64  # digits of the length of a frame of CAN FD; bytes
+_MIN_FD_DIGITS, _MAX_DATA_BYTES = 2, 64  # digits of the length of a frame of CAN FD; bytes
 
 
 @compiled(INT, BYTES, INT, INT)
@@ -127,9 +127,9 @@ def _terminal_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
     if place >= stop or int(data[place]) != _LEFT:
         return DAMAGED
     length, after = _number(data, place + 1, stop)
-    if after >= stop or int(data[after]) != _RIGHT or length > _MOST:
+    if after >= stop or int(data[after]) != _RIGHT or length > _MAX_DATA_BYTES:
         return DAMAGED
-    if after - place - 1 >= _LEAST_FD:
+    if after - place - 1 >= _MIN_FD_DIGITS:
         kind = FD
     place = _skip(data, after + 1, stop)
     if kind == DATA and place < stop and int(data[place]) == _R:
@@ -168,7 +168,7 @@ def _asc_line(data: Bytes, at: int, stop: int, line: Ints) -> int:
     if place == first or place >= stop:
         return DAMAGED
     if int(data[place]) == _X:
-        number = (number & 0x1FFF_FFFF) + EXTENDED
+        number = (number & 0x1FFF_FFFF) + EXTENDED_BIT
         place += 1
     if place >= stop or int(data[place]) != _BLANK:
         return DAMAGED
@@ -269,7 +269,7 @@ def write_lines(data: Bytes, table: Ints, stamps: Ints, out: Array, ends: Ints) 
             place += 1
         out[at] = _BLANK
         number = table[ID, k]
-        at = _write_hex(out, at + 1, number & (EXTENDED - 1), 8 if number >= EXTENDED else 3)
+        at = _write_hex(out, at + 1, number & (EXTENDED_BIT - 1), 8 if number >= EXTENDED_BIT else 3)
         out[at] = _HASH
         at += 1
         place = table[BODY, k]

@@ -45,7 +45,7 @@ MOST_ZERO = 0.8  # of every other byte, in text with few letters beyond ASCII
 UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 MOST_ENTRIES = 10_000
 MOST_TABLES = 64
-NAMED = 5
+MAX_NAMED = 5
 SPREADSHEET = "xl/workbook.xml"
 OFFICE = {
     SPREADSHEET: ("an Excel workbook", "Save it as CSV."),
@@ -202,11 +202,11 @@ def _opened(files: list[Path], request: OpenRequest, folder: Path) -> Source:
     elif len(tables) == len(sources):
         source = TableSet(request.path, tables)
     else:
-        named = ", ".join(one.path.name for one in sources[:NAMED])
-        words = f"{request.path.name} holds several recordings: {named}{' …' if len(sources) > NAMED else ''}."
+        named = ", ".join(one.path.name for one in sources[:MAX_NAMED])
+        words = f"{request.path.name} holds several recordings: {named}{' …' if len(sources) > MAX_NAMED else ''}."
         raise RecordingError(words, "Unpack it, and give one of them.")
     if errors and len(files) > 1:
-        named = ", ".join(list(errors)[:NAMED])
+        named = ", ".join(list(errors)[:MAX_NAMED])
         add_outer_damage(source, [remark(f"Of {request.path.name} these are left out: {named}.")])
     return source
 

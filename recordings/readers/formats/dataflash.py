@@ -29,7 +29,7 @@ from imuscope.recordings.readers.formats.flight_log import (
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.tables.cells import times_of
 from imuscope.recordings.tables.clock import TableClock
-from imuscope.recordings.tables.dates import WEEK
+from imuscope.recordings.tables.dates import WEEK_S
 
 MARK = b"\xa3\x95"
 FMT = 128
@@ -88,7 +88,7 @@ class DataFlash(FlightLog):
         import pyarrow as pa
 
         row = records[rows]
-        clock = TableClock("", (0, 1), "week", "", (WEEK, 1e-3), "GPS", "stated", "")
+        clock = TableClock("", (0, 1), "week", "", (WEEK_S, 1e-3), "GPS", "stated", "")
         cells = [pa.array([str(int(row[name][0]))]) for name in ("GWk", "GMS")]
         return DatedBy(
             float(table.time.values(row)[0]),

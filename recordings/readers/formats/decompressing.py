@@ -17,10 +17,10 @@ from imuscope.recordings.system.temporary_folder import TemporaryFolder
 
 S = TypeVar("S", bound=Source)
 
-LARGEST = 4 << 30  # bytes of all files in an archive
+MAX_UNPACKED_BYTES = 4 << 30  # bytes of all files in an archive
 FREE_SHARE = 2  # of the free disk, 1/FREE_SHARE may be used
 LARGEST_RATIO, RATIO_FROM = 200, 64 << 20  # beyond that many bytes, more of each compressed byte is a bomb
-PIECE, SMALL_PIECE = 1 << 16, 1 << 8  # of a piece that is damaged at its end nothing is read
+PIECE_BYTES, SMALL_PIECE_BYTES = 1 << 16, 1 << 8  # of a piece that is damaged at its end nothing is read
 CODECS = {".gz": "gzip", ".zst": "zstd", ".zstd": "zstd", ".lz4": "lz4", ".bz2": "bz2"}
 
 
@@ -45,7 +45,7 @@ def inflated(data: bytes, codec: str, most: int) -> tuple[bytes, str]:
     content = bytearray()
     try:
         with pa.CompressedInputStream(pa.BufferReader(data), codec) as stream:
-            while len(content) <= most and (piece := stream.read(min(PIECE, most + 1 - len(content)))):
+            while len(content) <= most and (piece := stream.read(min(PIECE_BYTES, most + 1 - len(content)))):
                 content += piece
     except (OSError, pa.ArrowException) as error:
         words = f"not {codec}: {str(error).splitlines()[0]:.100}"
@@ -71,7 +71,7 @@ class UnpackedFolder:
         self.path = self._folder.path
         self._size = archive.stat().st_size
         self._written = 0
-        self._most = min(LARGEST, shutil.disk_usage(self.path).free // FREE_SHARE)
+        self._most = min(MAX_UNPACKED_BYTES, shutil.disk_usage(self.path).free // FREE_SHARE)
 
     def remove(self) -> None:
         self._folder.remove()
@@ -97,7 +97,7 @@ class UnpackedFolder:
         out.unlink(missing_ok=True)
         self._written = 0
         try:
-            self.write(name, content, SMALL_PIECE)
+            self.write(name, content, SMALL_PIECE_BYTES)
         except OSError:
             self.damage.append(FileDamage(-1, f"{self._archive.name} is damaged or was cut: {words}."))
         stamp = self._archive.stat().st_mtime
@@ -118,7 +118,7 @@ class UnpackedFolder:
             words = f"{self._archive.name} becomes more than {LARGEST_RATIO} times as large: it may be made to harm."
             raise RecordingError(words, "If it is sound, unpack it, and give a file of it.")
 
-    def write(self, name: str, content: BinaryIO | Any, size: int = PIECE) -> Path:
+    def write(self, name: str, content: BinaryIO | Any, size: int = PIECE_BYTES) -> Path:
         """Write a file from a stream; returns its path.
 
         Args:

@@ -25,7 +25,7 @@ from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.recordings.tables.table_source import CsvSource, TableRows, TableSource
 
-LONGEST = 1 << 16  # bytes of a sensor.yaml that are read
+MAX_SENSOR_BYTES = 1 << 16  # bytes of a sensor.yaml that are read
 _SEGMENTS = re.compile(r"^# Segments of the clock begin at, unix s: (\[.*\])$", re.MULTILINE)
 _RATE = re.compile(r"^rate_hz: *([0-9.]+)", re.MULTILINE)
 
@@ -78,7 +78,7 @@ def open_euroc_folder(folder: Path, options: TableOptions) -> TableSource:
 def _about(path: Path) -> str:
     try:
         with open_regular(path) as file:
-            return file.read(LONGEST).decode(errors="replace")
+            return file.read(MAX_SENSOR_BYTES).decode(errors="replace")
     except OSError:
         return ""
 

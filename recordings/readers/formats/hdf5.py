@@ -36,9 +36,9 @@ from imuscope.recordings.tables.time_units import FACTORS, LONG, SPELLINGS
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 MATLAB = b"MATLAB 7.3 MAT-file"
-LARGEST = 1 << 30  # bytes of all data sets in chunks
+MAX_CHUNKED_BYTES = 1 << 30  # bytes of all data sets in chunks
 LARGEST_CHUNK = 1 << 28
-DEEPEST = 6
+MAX_DEPTH = 6
 MOST_SETS = 1000
 MOST_READS = 300_000  # of the structure: a damaged one can lead back to itself
 DEFLATE, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32_000
@@ -126,7 +126,7 @@ def _items(group: Any, prefix: str, depth: int, visited: set[int]) -> Iterator[t
             item = group.get_lazy_view(key)
             if isinstance(item, Group):
                 place = _place(item)
-                if depth < DEEPEST and place not in visited and "MATLAB_sparse" not in item.attrs:
+                if depth < MAX_DEPTH and place not in visited and "MATLAB_sparse" not in item.attrs:
                     visited.add(place)
                     yield from _items(item, f"{name}.", depth + 1, visited)
                 continue
@@ -197,7 +197,7 @@ def _array(content: _Content, item: Any, file: BinaryIO) -> Array:
         if begin + size > content.size:
             raise ValueError("without values, or cut")
         return np.memmap(content.path, kind, "r", begin, shape)
-    if content.total + size > LARGEST or is_bomb(content.total + size, content.size):
+    if content.total + size > MAX_CHUNKED_BYTES or is_bomb(content.total + size, content.size):
         raise ValueError("too large")
     content.total += size
     if place.layout_class == 0:

@@ -30,9 +30,9 @@ from imuscope.recordings.tables.format import LONGEST_LINE, MAX_COLUMNS, is_numb
 if TYPE_CHECKING:
     from imuscope.recordings.sources import Source
 
-LARGEST = 64 << 20  # bytes of a file that is one value, which is read as a whole
-DEEPEST = 32  # brackets in brackets
-FEWEST = 2  # samples
+MAX_VALUE_BYTES = 64 << 20  # bytes of a file that is one value, which is read as a whole
+MAX_DEPTH = 32  # brackets in brackets
+MIN_ROWS = 2  # samples
 MOST_CELLS = 64  # of a list in a sample
 UNITS = ("unit", "units", "SIUN")
 INDEX = "index"
@@ -99,9 +99,9 @@ def _has_lines(path: Path) -> bool:
     """Whether each line is a value of its own."""
     with _text_of(path) as file:
         filled = (line for line in iter(lambda: file.readline(LONGEST_LINE), "") if line.strip())
-        lines = [line for _, line in zip(range(FEWEST), filled, strict=False)]
+        lines = [line for _, line in zip(range(MIN_ROWS), filled, strict=False)]
     return (
-        len(lines) == FEWEST
+        len(lines) == MIN_ROWS
         and all(is_json(line[:HEAD_BYTES].encode()) for line in lines)
         and _loads(lines[0]) is not None
     )
@@ -114,7 +114,7 @@ def _text_of(path: Path) -> TextIOWrapper:
 def _loads(text: str) -> Any:
     """The value of a text; None if it is not one, or nested too deeply."""
     try:
-        return None if _depth(text) > DEEPEST else json.loads(text)
+        return None if _depth(text) > MAX_DEPTH else json.loads(text)
     except ValueError:
         return None
 
@@ -129,14 +129,14 @@ def _depth(text: str) -> int:
 
 def _whole(path: Path, damage: list[FileDamage]) -> Any:
     """The value of a file that is one; cut behind its last complete sample if it does not end."""
-    if path.stat().st_size > LARGEST:
+    if path.stat().st_size > MAX_VALUE_BYTES:
         raise RecordingError(
-            f"{path.name} is one JSON value of more than {LARGEST >> 20} MB.", "Write it as JSON lines."
+            f"{path.name} is one JSON value of more than {MAX_VALUE_BYTES >> 20} MB.", "Write it as JSON lines."
         )
     with _text_of(path) as file:
         text = file.read()
-    if _depth(text) > DEEPEST:
-        raise RecordingError(f"{path.name} is JSON with more than {DEEPEST} brackets in brackets.", HINT)
+    if _depth(text) > MAX_DEPTH:
+        raise RecordingError(f"{path.name} is JSON with more than {MAX_DEPTH} brackets in brackets.", HINT)
     try:
         return json.loads(text)
     except ValueError as error:
@@ -192,9 +192,9 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
     if isinstance(value, list):
         names, index = _names(beside), _index(beside.get("index"), len(value))
         for one in value:
-            if isinstance(one, dict) and (len(value) < FEWEST or _holds_samples(one)):
+            if isinstance(one, dict) and (len(value) < MIN_ROWS or _holds_samples(one)):
                 yield from _samples(one, "", one)
-            elif len(value) < FEWEST or _is_plain(value):
+            elif len(value) < MIN_ROWS or _is_plain(value):
                 break
             elif isinstance(one, dict):
                 yield from (((_name(one, name), beside), _flat(inner)) for inner in _of_batch(one))
@@ -217,8 +217,8 @@ def _samples(value: Any, name: str, beside: Mapping[str, Any]) -> Iterator[tuple
 
 def _holds_samples(value: Mapping[str, Any]) -> bool:
     """Whether an object has a list of objects with times of their own."""
-    lists = (one for one in value.values() if isinstance(one, list) and len(one) >= FEWEST and isinstance(one[0], dict))
-    return any(TIME.match(words_of(key)) or TIMES.match(words_of(key)) for one in lists for key in one[0])
+    lists = (of for of in value.values() if isinstance(of, list) and len(of) >= MIN_ROWS and isinstance(of[0], dict))
+    return any(TIME.match(words_of(key)) or TIMES.match(words_of(key)) for of in lists for key in of[0])
 
 
 def _of_batch(sample: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
@@ -240,7 +240,7 @@ def _columns(value: Mapping[str, Any]) -> dict[str, Sequence[Any]]:
     """Members that are lists or objects of as many plain values as the first; empty if these are not two or more."""
     lists: dict[str, Any] = {key: list(one.values()) if _is_indexed(one) else one for key, one in value.items()}
     plain: dict[str, Sequence[Any]] = {
-        key: one for key, one in lists.items() if isinstance(one, list) and len(one) >= FEWEST and _is_plain(one)
+        key: one for key, one in lists.items() if isinstance(one, list) and len(one) >= MIN_ROWS and _is_plain(one)
     }
     size = max(map(len, plain.values()), default=0)
     columns = {key: one for key, one in plain.items() if len(one) == size and key not in JSON_NAMES}
@@ -249,12 +249,12 @@ def _columns(value: Mapping[str, Any]) -> dict[str, Sequence[Any]]:
     if keys and INDEX not in columns and all(one == keys[0] for one in keys):
         cells = [row[INDEX] for row in _index(keys[0], size) if row]
         columns = {INDEX: cells, **columns} if cells else columns
-    return columns if len(columns) >= FEWEST and numbers else {}
+    return columns if len(columns) >= MIN_ROWS and numbers else {}
 
 
 def _is_indexed(value: Any) -> bool:
     """Whether an object counts its members, 0, 1, …, or has a time for each, as pandas writes a column."""
-    if not isinstance(value, dict) or len(value) < FEWEST:
+    if not isinstance(value, dict) or len(value) < MIN_ROWS:
         return False
     return all(map(str.isdecimal, value)) or all(map(is_moment, value))
 

@@ -17,8 +17,8 @@ from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.system.regular_file import open_regular
 
-LARGEST = 1 << 30  # bytes of all variables
-DEEPEST = 4
+MAX_VARIABLE_BYTES = 1 << 30  # bytes of all variables
+MAX_DEPTH = 4
 NUMBERS = {"double", "single", "logical", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"}
 RESAVE = "Save it again with save(..., '-v7')."
 
@@ -52,7 +52,7 @@ def _chosen(listed: list[tuple[str, tuple[int, ...], str]], stored: int) -> tupl
     chosen, others, total = [], [], 0
     for name, shape, kind in listed:
         size = 8 * math.prod(max(int(length), 0) for length in shape)
-        if kind not in (*NUMBERS, "struct") or total + size > LARGEST or is_bomb(total + size, stored):
+        if kind not in (*NUMBERS, "struct") or total + size > MAX_VARIABLE_BYTES or is_bomb(total + size, stored):
             others.append(f"{name} ({kind})")
             continue
         total += size
@@ -68,7 +68,7 @@ def _flatten(name: str, array: Array, arrays: dict[str, Array], depth: int) -> N
         if array.dtype.kind in "fiub":
             arrays[name] = array
         return
-    if array.size != 1 or depth >= DEEPEST:
+    if array.size != 1 or depth >= MAX_DEPTH:
         return
     record = array.reshape(-1)[0]
     for field in array.dtype.names:

@@ -20,7 +20,7 @@ from imuscope.recordings.readers.registry import FileReader, OpenRequest, regist
 from imuscope.recordings.system.regular_file import open_regular
 
 MAGIC = b"\x93NUMPY"
-LARGEST = 1 << 30  # bytes of all arrays of an archive
+MAX_ARCHIVE_BYTES = 1 << 30  # bytes of all arrays of an archive
 MOST_ARRAYS = 1000
 HEADER_BYTES = 1 << 16
 OBJECTS = "Save its numbers as an array with numpy.save, or as a CSV file."
@@ -53,7 +53,7 @@ def open_npz(request: OpenRequest) -> ArrowSource:
                 with archive.open(entry) as content:
                     size = _claimed(content)
                 total += max(size, 0)
-                is_large = total > LARGEST or is_bomb(total, path.stat().st_size)
+                is_large = total > MAX_ARCHIVE_BYTES or is_bomb(total, path.stat().st_size)
                 if size < 0 or size > entry.file_size or is_large:
                     left_out.append(f"{name} is left out: it holds objects, is damaged, or is too large.")
                     continue

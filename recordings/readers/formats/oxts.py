@@ -18,8 +18,8 @@ from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.recordings.tables.table_source import CsvSource
 
-LONGEST = 4096  # bytes of a packet
-MOST = 1_000_000  # packets
+MAX_BYTES = 4096  # bytes of a packet
+MAX_PACKETS = 1_000_000  # packets
 COLUMNS = (
     "latitude (deg),longitude (deg),altitude (m),roll (rad),pitch (rad),yaw (rad),velocity north (m/s),"
     "velocity east (m/s),velocity forward (m/s),velocity left (m/s),velocity up (m/s),acceleration.x (m/s²),"
@@ -37,7 +37,8 @@ def open_oxts_folder(folder: Path, options: TableOptions) -> CsvSource:
         RecordingError: its files are not those of packets.
     """
     with open_regular(folder / TIMES) as file:
-        times = [line.strip() for line in file.read(LONGEST * MOST).decode(errors="replace").splitlines()[:MOST]]
+        lines = file.read(MAX_BYTES * MAX_PACKETS).decode(errors="replace").splitlines()
+        times = [line.strip() for line in lines[:MAX_PACKETS]]
     rows = [f"{time},{packet}\n" for number, time in enumerate(times) if (packet := _packet(folder, number))]
     if not rows:
         hint = (
@@ -53,7 +54,7 @@ def _packet(folder: Path, number: int) -> str:
     """The numbers of a packet, separated by commas; "" without its file, or with another count of them."""
     try:
         with open_regular(folder / PACKETS / f"{number:010}.txt") as file:
-            cells = file.read(LONGEST).decode(errors="replace").split()
+            cells = file.read(MAX_BYTES).decode(errors="replace").split()
     except OSError:
         return ""
     return ",".join(cells) if len(cells) == COLUMNS.count(",") + 1 else ""

@@ -36,7 +36,7 @@ CHUNK_MARK = b"\x04\x00\x00\x00op=\x05"
 SEARCH_BYTES = 1 << 20
 BEFORE_MARK = 96  # bytes of a chunk's header before its op
 MOST_DAMAGE = 100
-MESSAGES = 1 << 14  # of a chunk that are taken together
+MESSAGES_PER_STEP = 1 << 14  # of a chunk that are taken together
 _LENGTH = struct.Struct("<I")
 
 
@@ -145,11 +145,11 @@ class Ros1Bag(BagSource):
         """Messages whose headers are laid out as that of the first; returns the place after them."""
         layout = alike.header, alike.is_constant, alike.number_at, alike.time_at
         while True:
-            table = np.empty((4, MESSAGES), np.int64)
+            table = np.empty((4, MESSAGES_PER_STEP), np.int64)
             count, at = alike_messages(np.frombuffer(content, np.uint8), at, *layout, table)
             if count:
                 yield BagPiece(content, np.ascontiguousarray(table[:, :count]), done)
-            if count < MESSAGES:
+            if count < MESSAGES_PER_STEP:
                 return at
 
     def _messages(self, fields: dict[bytes, bytes], data: bytes) -> list[tuple[int, int, bytes]]:

@@ -33,12 +33,12 @@ from imuscope.recordings.system.regular_file import open_regular
 LONGEST_METADATA = 16 << 20
 LONGEST_MESSAGE = 1 << 27
 MOST_FILES = 10_000
-ROWS = 500  # taken at once, without the large messages among them
-LARGE = 1 << 14
+ROWS_PER_STEP = 500  # taken at once, without the large messages among them
+LARGE_MESSAGE_BYTES = 1 << 14
 MOST_TABLES = 10_000
-STEPS = 100_000  # of SQLite, some milliseconds: then Python runs, which may end it with a signal
-DATA = f"CASE WHEN length(data) >= {LARGE} THEN -rowid ELSE data END"
-LARGE_DATA = f"SELECT data FROM messages WHERE rowid = ? AND length(data) >= {LARGE}"
+INTERRUPT_STEPS = 100_000  # of SQLite, some milliseconds: then Python runs, which may end it with a signal
+DATA = f"CASE WHEN length(data) >= {LARGE_MESSAGE_BYTES} THEN -rowid ELSE data END"
+LARGE_DATA = f"SELECT data FROM messages WHERE rowid = ? AND length(data) >= {LARGE_MESSAGE_BYTES}"
 ZSTD = b"\x28\xb5\x2f\xfd"
 # by what SQLite says about a damaged file, and by the length that a damaged row claims
 SENSELESS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
@@ -98,7 +98,7 @@ class Ros2Database(BagSource):
                     f"SELECT topic_id, timestamp, {DATA} FROM messages {within}ORDER BY rowid",
                     span,
                 )
-                while rows := cursor.fetchmany(ROWS):
+                while rows := cursor.fetchmany(ROWS_PER_STEP):
                     count += len(rows)
                     done = count / max(most or 1, 1)
                     piece = _plain_piece(done, *zip(*rows, strict=True))
@@ -252,7 +252,7 @@ def _connected(path: Path) -> sqlite3.Connection:
         database.text_factory = lambda text: text.decode(errors="replace")
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_MESSAGE)
         database.execute("PRAGMA trusted_schema=OFF")
-        database.set_progress_handler(lambda: 0, STEPS)
+        database.set_progress_handler(lambda: 0, INTERRUPT_STEPS)
     except BaseException:
         database.close()
         raise

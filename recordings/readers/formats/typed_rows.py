@@ -32,7 +32,15 @@ from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.clock import AmbiguousTableError
 from imuscope.recordings.tables.clocks.names import SENSOR, words_of
 from imuscope.recordings.tables.dates import is_moment
-from imuscope.recordings.tables.format import LONGEST_LINE, MOST, SAMPLE_BYTES, TableFormat, format_of, is_number, split
+from imuscope.recordings.tables.format import (
+    LONGEST_LINE,
+    MIN_SHARE,
+    SAMPLE_BYTES,
+    TableFormat,
+    format_of,
+    is_number,
+    split,
+)
 from imuscope.recordings.tables.line_marks import labels_of
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.recordings.tables.table_source import CsvSource, TableSource
@@ -42,7 +50,7 @@ if TYPE_CHECKING:
 
 FEWEST_ROWS = 2  # of a name
 MOST_NAMES = 64
-NUMBERS = 0.5  # share of the cells behind a name that are numbers: a network has a name, too
+MIN_NUMBER_SHARE = 0.5  # share of the cells behind a name that are numbers: a network has a name, too
 _ROW = re.compile(
     r"^[#%$]?\s*(?:(?P<time>-?\d+(?:\.\d+)?)[,;\t|])?"
     r"(?P<name>[A-Za-z][\w-]{0,40})(?P<separator>[,;\t|]| +)(?P<rest>.*)$"
@@ -106,16 +114,16 @@ def has_typed_rows(path: Path) -> bool:
     if _names_column(path) is not None:
         return True
     lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
-    if sum(map(bool, map(_MAVLINK.match, lines))) > MOST * len(lines):
+    if sum(map(bool, map(_MAVLINK.match, lines))) > MIN_SHARE * len(lines):
         return True
     if labels_of(lines) is not None:  # the numbers have names, not the rows
         return False
-    if any(map(_DECLARED.match, lines)) or sum(map(bool, map(_NOVATEL.match, lines))) > MOST * len(lines):
+    if any(map(_DECLARED.match, lines)) or sum(map(bool, map(_NOVATEL.match, lines))) > MIN_SHARE * len(lines):
         return True
     rows = [row for line in lines if (row := _row(line)) is not None]
     plain = [line for line in lines if line.lstrip()[:1] not in "#%/"]
     names = {name for name, count in Counter(name for name, _, _ in rows).items() if count >= FEWEST_ROWS}
-    if not 2 <= len(names) <= MOST_NAMES or len(rows) < MOST * len(plain):
+    if not 2 <= len(names) <= MOST_NAMES or len(rows) < MIN_SHARE * len(plain):
         return False
     sizes = {(name, len(cells)) for name, _, cells in rows if name in names}
     unlike = len({size for _, size in sizes}) > 1 and len(sizes) < 2 * len(names)
@@ -198,7 +206,7 @@ def _row(line: str) -> tuple[str, str, list[str]] | None:
     cells = [*([match["time"]] if match["time"] else []), *match["rest"].split(separator or None)]
     filled = [cell for cell in cells if cell.strip()]
     numbers = sum(is_number(cell) or is_moment(cell) for cell in filled)
-    enough = len(filled) - 1 if not separator else NUMBERS * len(filled)  # words between blanks are a sentence
+    enough = len(filled) - 1 if not separator else MIN_NUMBER_SHARE * len(filled)  # words between blanks are a sentence
     return (match["name"], separator or " ", cells) if numbers > enough else None
 
 

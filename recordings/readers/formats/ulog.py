@@ -41,8 +41,8 @@ TYPES = {
     **{"float": "<f4", "double": "<f8", "bool": "u1", "char": "S1"},
 }
 KINDS = frozenset(b"BFIMPQARDLCSO")
-APPENDED = 1  # the incompatible flag that is supported: data was appended after a crash
-DEEPEST = 8
+APPENDED_FLAG = 1  # the incompatible flag that is supported: data was appended after a crash
+MAX_DEPTH = 8
 LARGEST_RECORD = 1 << 16
 _FIELD = re.compile(r"^(\w+)(?:\[(\d{1,5})\])? (\w+)$")
 _HEAD = struct.Struct("<HB")
@@ -149,7 +149,7 @@ class _Messages(Records):
             self._formats.setdefault(name, fields)
         elif kind == "A" and len(body) > 3:
             self._subscribe(int.from_bytes(body[1:3], "little"), body[3:].decode(errors="replace"), body[0])
-        elif kind == "B" and len(body) >= 16 and (any(body[9:16]) or body[8] & ~APPENDED):
+        elif kind == "B" and len(body) >= 16 and (any(body[9:16]) or body[8] & ~APPENDED_FLAG):
             name = self._log.path.name
             raise RecordingError(f"{name} is a ULog with features that are not known.", "Install a newer imuscope.")
         elif kind == "O" and len(body) == 2:
@@ -187,7 +187,7 @@ class _Messages(Records):
         self, name: str, prefix: str, at: int, columns: list[LogColumn], spec: dict[str, list[Any]], depth: int
     ) -> int:
         """Add the fields of a format; returns the place after them."""
-        if depth > DEEPEST or name not in self._formats:
+        if depth > MAX_DEPTH or name not in self._formats:
             raise ValueError(f"its format {name!r:.60} is not known")
         for text in filter(None, self._formats[name].split(";")):
             match = _FIELD.match(text.strip())

@@ -38,8 +38,8 @@ MARK, LENGTH, SUM = 0x55, 11, 10
 CLOCK = 0x50
 BLUETOOTH_LENGTH, SAMPLE, ANSWER = 20, 0x61, 0x71
 FEWEST_FRAMES = 8  # at the begin of a file
-LARGEST = 1 << 28
-SCALE = 32_768.0
+MAX_FILE_BYTES = 1 << 28
+FULL_SCALE = 32_768.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +60,12 @@ class FrameType:
 
 XYZ = ("x", "y", "z")
 TYPES: Mapping[int, FrameType] = {
-    0x51: FrameType(tuple(f"Acceleration.{axis}" for axis in XYZ), "g", 16 / SCALE),
-    0x52: FrameType(tuple(f"Angular velocity.{axis}" for axis in XYZ), "deg/s", 2000 / SCALE),
-    0x53: FrameType(("Roll", "Pitch", "Yaw"), "deg", 180 / SCALE),
+    0x51: FrameType(tuple(f"Acceleration.{axis}" for axis in XYZ), "g", 16 / FULL_SCALE),
+    0x52: FrameType(tuple(f"Angular velocity.{axis}" for axis in XYZ), "deg/s", 2000 / FULL_SCALE),
+    0x53: FrameType(("Roll", "Pitch", "Yaw"), "deg", 180 / FULL_SCALE),
     0x54: FrameType(tuple(f"Magnetic field.{axis}" for axis in XYZ), "", 1.0),
     0x56: FrameType(("Pressure", "Height"), "", 1.0, "<i4"),
-    0x59: FrameType(tuple(f"Quaternion.{axis}" for axis in ("w", *XYZ)), "", 1 / SCALE),
+    0x59: FrameType(tuple(f"Quaternion.{axis}" for axis in ("w", *XYZ)), "", 1 / FULL_SCALE),
 }
 UNITS = {"Pressure": "Pa", "Height": "cm"}
 
@@ -125,7 +125,7 @@ def is_witmotion(head: bytes) -> bool:
 def _open(request: OpenRequest) -> ArrowSource:
     path = request.path
     size = path.stat().st_size
-    if size > LARGEST:
+    if size > MAX_FILE_BYTES:
         raise RecordingError(f"{path.name} is too large for a log of WitMotion.", "Give a part of it.")
     with open_regular(path) as file:
         data = np.frombuffer(file.read(), np.uint8)

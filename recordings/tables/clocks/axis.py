@@ -15,16 +15,16 @@ from imuscope.protocols.registry.families import unit_flag
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.tables.clock import TableClock
 from imuscope.recordings.tables.clocks.steps import ClockWatch, repeats_words, shifted
-from imuscope.recordings.tables.dates import DAY, dated_name
+from imuscope.recordings.tables.dates import DAY_S, dated_name
 from imuscope.recordings.tables.format import TableFormat
-from imuscope.recordings.tables.time_units import CLOSE, UNSORTED, in_order, rate_text, usual_step
+from imuscope.recordings.tables.time_units import RATE_TOLERANCE, UNSORTED_SHARE, in_order, rate_text, usual_step
 
-AHEAD, AHEAD_SPREAD = 5.0, 3.0
+MIN_STEP_AHEAD_S, STEP_AHEAD_SPREAD = 5.0, 3.0
 HOUR = 3600.0
 LAST_CHANGE = "the file's last change"
 NAME = "the file's name"
 FEWEST_STEPS = 8  # in a sample, to speak of an order
-EVENLY = 0.5  # of the steps ahead are nearly equal: not of rows without order
+EQUAL_STEPS_SHARE = 0.5  # of the steps ahead are nearly equal: not of rows without order
 NEARLY_ALL = 0.9  # of the steps: a logger that writes in bursts has some long ones
 EPOCHS = {
     "1970": "since 1970 (UTC)",
@@ -100,7 +100,7 @@ class TimeAxis:
         else:
             since = "shown as UTC" if clock.zero_s else EPOCHS[clock.epoch]
             texts = [f"The time axis is {self.name}{unit}, {since}{rate}{why}."]
-        if self.head_rate and self.usual_s and abs(self.head_rate * self.usual_s - 1) > CLOSE:
+        if self.head_rate and self.usual_s and abs(self.head_rate * self.usual_s - 1) > RATE_TOLERANCE:
             texts.append(f"The head of the file names another rate, {rate_text(self.head_rate)}.")
         if self.decimal == ",":
             texts.append("Numbers are read with a decimal comma.")
@@ -143,11 +143,11 @@ def order_words(times: Floats) -> str:
     """
     steps = np.diff(times)
     back, forward = steps < 0, steps[steps > 0]
-    if len(steps) < FEWEST_STEPS or back.mean() <= UNSORTED:
+    if len(steps) < FEWEST_STEPS or back.mean() <= UNSORTED_SHARE:
         return ""
     if back.mean() > NEARLY_ALL or not len(forward):
         return "run backwards"
-    is_even = bool((np.abs(forward - np.median(forward)) <= np.median(forward) / 2).mean() > EVENLY)
+    is_even = bool((np.abs(forward - np.median(forward)) <= np.median(forward) / 2).mean() > EQUAL_STEPS_SHARE)
     return "" if is_even or len(np.unique(times)) < len(times) / 2 else "are out of order"
 
 
@@ -157,7 +157,7 @@ def step_limits(times: Floats) -> tuple[float, float]:
     forward = forward[forward > 0]
     most = float(np.quantile(forward, NEARLY_ALL)) if len(forward) else 0.0
     usual = usual_step(times)
-    return usual, max(AHEAD * usual, AHEAD_SPREAD * most) or np.inf
+    return usual, max(MIN_STEP_AHEAD_S * usual, STEP_AHEAD_SPREAD * most) or np.inf
 
 
 def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) -> tuple[float, str]:
@@ -176,7 +176,7 @@ def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) ->
         return (named - first, NAME) if named is not None else (written - first, LAST_CHANGE)
     known, by = (named, NAME) if named is not None else (written, LAST_CHANGE)
     if clock.epoch == "day" and start is not None:
-        return round((start - first) / DAY) * DAY, "the head of the file"
+        return round((start - first) / DAY_S) * DAY_S, "the head of the file"
     return period_start(clock.epoch, first, known, written), by
 
 
@@ -189,8 +189,8 @@ def period_start(kind: str, first: float, known: float, written: float) -> float
         written: its last change.
     """
     if kind == "day":
-        midnight = float(np.floor(known / DAY) * DAY)
-        return midnight if midnight + first <= written + HOUR else midnight - DAY
-    week = 7 * DAY
-    sunday = float(np.floor((known - 3 * DAY) / week) * week + 3 * DAY)  # 1970-01-01 was a Thursday
-    return (sunday if sunday + first <= known + DAY else sunday - week) - 18.0
+        midnight = float(np.floor(known / DAY_S) * DAY_S)
+        return midnight if midnight + first <= written + HOUR else midnight - DAY_S
+    week = 7 * DAY_S
+    sunday = float(np.floor((known - 3 * DAY_S) / week) * week + 3 * DAY_S)  # 1970-01-01 was a Thursday
+    return (sunday if sunday + first <= known + DAY_S else sunday - week) - 18.0

@@ -14,7 +14,7 @@ from imuscope.recordings.tables.clocks import names
 from imuscope.recordings.tables.clocks.sample import TableSample
 from imuscope.recordings.tables.dates import (
     GPS_EPOCH,
-    WEEK,
+    WEEK_S,
     Order,
     is_duration,
     is_of_hour,
@@ -25,7 +25,7 @@ from imuscope.recordings.tables.dates import (
 from imuscope.recordings.tables.time_units import FACTORS, SPELLINGS, UNITS, usual_step
 
 OLDEST_YEAR = 1990  # of a receiver: without a fix it writes the year 0, or that of its own zero
-EVEN = 2.0  # longest of nearly all steps, in shortest ones
+MAX_STEP_RATIO = 2.0  # longest of nearly all steps, in shortest ones
 
 
 def stamp_clocks(sample: TableSample) -> list[TableClock]:
@@ -51,7 +51,7 @@ def unnamed_stamps(sample: TableSample) -> list[TableClock]:
     for column in range(len(sample.headings) - 1):
         seconds, parts = sample.numbers(column), sample.numbers(column + 1)
         rows = len(sample.form.sample)
-        if not len(seconds) == len(parts) == rows or rows < names.FEWEST or (np.diff(seconds) < 0).any():
+        if not len(seconds) == len(parts) == rows or rows < names.MIN_ROWS or (np.diff(seconds) < 0).any():
             continue
         is_whole = all(bool((one == np.round(one)).all()) for one in (seconds, parts))
         unit = next((one for one in ("ms", "µs", "ns") if float(parts.max()) * UNITS[one] < 1), "")
@@ -59,7 +59,7 @@ def unnamed_stamps(sample: TableSample) -> list[TableClock]:
             continue
         steps, wraps = np.diff(seconds + parts * UNITS[unit]), np.diff(parts) < 0
         rises = bool((steps > 0).all()) and bool((np.diff(seconds)[wraps] > 0).all()) and bool(wraps.any())
-        if rises and np.quantile(steps, 0.9) < EVEN * np.quantile(steps, 0.1):
+        if rises and np.quantile(steps, 0.9) < MAX_STEP_RATIO * np.quantile(steps, 0.1):
             epoch, why = sample.epoch(float(np.median(seconds))), f"they rise together, as seconds and {unit} do"
             pair, factors = (column, column + 1), (1.0, UNITS[unit])
             return [TableClock(sample.name(*pair), pair, "parts", "s", factors, epoch, "inferred", why)]
@@ -79,8 +79,8 @@ def _parts_of(words: str) -> Iterator[tuple[str, str, str]]:
 def date_clocks(sample: TableSample) -> list[TableClock]:
     """A column of dates beside one of times of day."""
     texts = [column for column in range(len(sample.headings)) if sample.is_text(column)]
-    clocks = [one for one in texts if all(map(is_time_of_day, sample.cells(one)[: names.FEWEST]))]
-    days = [one for one in texts if one not in clocks and ":" not in "".join(sample.cells(one)[: names.FEWEST])]
+    clocks = [one for one in texts if all(map(is_time_of_day, sample.cells(one)[: names.MIN_ROWS]))]
+    days = [one for one in texts if one not in clocks and ":" not in "".join(sample.cells(one)[: names.MIN_ROWS])]
     if not days or not clocks:
         return []
     pair = days[0], clocks[0]
@@ -102,7 +102,7 @@ def part_clocks(sample: TableSample) -> list[TableClock]:
 
 def text_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     clock, cells = TableClock(sample.name(column), (column,), "text", rank=rank), sample.cells(column)
-    if all(map(is_time_of_day, cells[: names.FEWEST])):
+    if all(map(is_time_of_day, cells[: names.MIN_ROWS])):
         if all(map(is_of_hour, cells)):
             return replace(clock, epoch="start", why="minutes and seconds, without the hour")
         if all(map(is_duration, cells)):
@@ -145,7 +145,7 @@ def _order(sample: TableSample, column: int) -> Order:
 def week_clocks(sample: TableSample) -> list[TableClock]:
     """Time of week, beside the GPS week if there is one."""
     by_words = sample.by_words()
-    few = len(sample.form.sample) < names.FEWEST
+    few = len(sample.form.sample) < names.MIN_ROWS
     of_week = (
         at for words, at in by_words.items() if _is_of_week(sample, words, at) and (few or len(sample.numbers(at)))
     )
@@ -161,22 +161,22 @@ def week_clocks(sample: TableSample) -> list[TableClock]:
         why = "time of week without the week"
         return [TableClock(sample.name(column), (column,), "number", unit, factors, "week", sure, why, rank=3)]
     columns: tuple[int, ...] = (week, column)
-    factors, zero, why = (WEEK, *factors), 0.0, "GPS week and time of week"
+    factors, zero, why = (WEEK_S, *factors), 0.0, "GPS week and time of week"
     cycle = next((by_words[one] for one in names.CYCLE_NAMES if one in by_words), None)
     if len(weeks) and weeks.max() < names.WEEK_BITS and cycle is not None:
-        columns, factors = (cycle, *columns), (names.WEEK_BITS * WEEK, *factors)
+        columns, factors = (cycle, *columns), (names.WEEK_BITS * WEEK_S, *factors)
     elif len(weeks) and weeks.max() < names.WEEK_BITS:
-        newest = (sample.newest - GPS_EPOCH) / WEEK
+        newest = (sample.newest - GPS_EPOCH) / WEEK_S
         zero = float((newest - weeks.max()) // names.WEEK_BITS) * names.WEEK_BITS
         sure, why = "assumed", f"a GPS week of ten bits, of the {zero + names.WEEK_BITS:.0f} weeks before the file"
     name = sample.name(*columns)
-    return [TableClock(name, columns, "week", unit, factors, "GPS", sure, why, rank=2, zero_s=zero * WEEK)]
+    return [TableClock(name, columns, "week", unit, factors, "GPS", sure, why, rank=2, zero_s=zero * WEEK_S)]
 
 
 def _is_of_week(sample: TableSample, words: str, column: int) -> bool:
     stem = names.without_unit(words)
     values = sample.numbers(column) if {words, stem} & {*names.GPS_TIME} else np.zeros(0)
-    return stem in names.OF_WEEK or (len(values) > 0 and values.min() >= 0 and values.max() < WEEK)
+    return stem in names.OF_WEEK or (len(values) > 0 and values.min() >= 0 and values.max() < WEEK_S)
 
 
 def _unit_of_week(sample: TableSample, column: int) -> tuple[str, Sure]:
@@ -186,7 +186,7 @@ def _unit_of_week(sample: TableSample, column: int) -> tuple[str, Sure]:
     if unit:
         return unit, "known"
     values = sample.numbers(column)
-    if len(values) and values.max() >= WEEK:
+    if len(values) and values.max() >= WEEK_S:
         return "ms", "inferred"
     if (len(values) > 1 and usual_step(values) >= 1) and not (values != np.round(values)).any():
         units = {one.unit for one in sample.readings(column)}

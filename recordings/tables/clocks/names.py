@@ -27,7 +27,7 @@ WORLD = (
 )
 """A time in other languages."""
 TIMES = re.compile("^(?:t|time_?(?:stamp)?|date|date_?time|utc|epoch?|" + WORLD + "|" + "|".join(DAYS) + ")$")
-RISING = 0.9  # of the steps, of dates in a column that no heading names
+MIN_RISING = 0.9  # of the steps, of dates in a column that no heading names
 FINE, FINE_UNITS = "sample_time_fine", {"100 µs": 1e-4, "µs": 1e-6}  # of an MTi, and of a DOT
 FINE_SLOWEST, FINE_FASTEST = 0.9, 2100.0  # Hz: 1 Hz to 2 kHz of an MTi, and what its clock is off
 COUNTERS = re.compile("^(?:packet|sample)_(?:counter|number)$|^(?:counter|samples?|count)$")
@@ -39,7 +39,7 @@ UTC_PARTS = ("year", "month", "day", "hour", "minute", "second", "nano")
 FIRST_WEEK = 1024.0  # the GPS week of 1999: earlier logs are rare, small numbers are not
 NO_UNIT = re.compile(r"utc|gps|gnss|local|unix|epoch|boot|ros|iso|rfc|:|date|time|since")  # in the brackets of a time
 DECIMALS = re.compile(r"[.,]\d")
-FEWEST = 3  # rows whose steps say something
+MIN_ROWS = 3  # rows whose steps say something
 _STEMS = (
     f"{WORLD}|timers?|times?|gpst|gpstime|stamps?|time_?stamps?|date_?time|t|ts|clock|elapsed|uptime|realtime|epoch?"
 )

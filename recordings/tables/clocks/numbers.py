@@ -11,10 +11,10 @@ from imuscope.recordings.tables.clocks import names
 from imuscope.recordings.tables.clocks.sample import TableSample
 from imuscope.recordings.tables.headings import ColumnHeading
 from imuscope.recordings.tables.time_units import (
-    CLOSE,
     FACTORS,
-    FASTEST,
-    RECENT,
+    MAX_HZ,
+    RATE_TOLERANCE,
+    RECENT_S,
     SPELLINGS,
     UNITS,
     UnitReading,
@@ -25,7 +25,7 @@ from imuscope.recordings.tables.time_units import (
     usual_step,
 )
 
-RECENT_S = 1.9e9  # 2030: a copy of a file may be dated before its samples
+LATEST_UNIX_S = 1.9e9  # 2030: a copy of a file may be dated before its samples
 LONGEST_STEP_S = 1.0  # of two or three numbers with decimals, which are then seconds
 
 
@@ -47,7 +47,7 @@ def number_clock(sample: TableSample, column: int, rank: int) -> TableClock:
         return serial
     factor, values = FACTORS[unit], sample.numbers(column)
     usual = float(np.median(values)) if len(values) else 0.0  # not the first: the clock may be set later
-    is_date = is_dated(usual * factor, max(sample.newest, RECENT_S))
+    is_date = is_dated(usual * factor, max(sample.newest, LATEST_UNIX_S))
     epoch: Epoch = "day" if is_of_day(heading) else "1970" if is_date else "start"
     return TableClock(sample.name(column), (column,), "number", unit, (factor,), epoch, sure, why, rank=rank)
 
@@ -74,8 +74,8 @@ def _of_another_zero(sample: TableSample, column: int, rank: int) -> TableClock 
     usual, step = float(np.median(values)), mean_step(values)
     for name, (unit, factor, zero) in names.ZEROS.items():
         date = usual * factor + zero
-        is_recent = is_dated(date, sample.newest) and date > sample.newest - RECENT
-        if is_recent and step and FACTORS["h"] > step * factor > 1 / FASTEST:
+        is_recent = is_dated(date, sample.newest) and date > sample.newest - RECENT_S
+        if is_recent and step and FACTORS["h"] > step * factor > 1 / MAX_HZ:
             why = f"as {unit} of {name}, they are dates"
             clock = TableClock(sample.name(column), (column,), "number", unit, (factor,), "1970", "assumed", why)
             return replace(clock, rank=rank, zero_s=zero)
@@ -92,17 +92,17 @@ def inferred_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     is_date = sample.words(column) in ("date", *names.DAYS)
     if (not readings or is_date) and (serial := _serial_days(sample, column, rank)) is not None:
         usual = float(np.median(values)) * FACTORS["d"] + serial.zero_s
-        may_be_seconds = mean_step(values) * FASTEST >= 1 and (sample.is_inertial or usual < sample.newest - RECENT)
+        may_be_seconds = mean_step(values) * MAX_HZ >= 1 and (sample.is_inertial or usual < sample.newest - RECENT_S)
         return sample.open_clock(column, rank) if may_be_seconds and not is_date else serial
     if not readings and (counted := _of_another_zero(sample, column, rank)) is not None:
         return counted
     is_odd = names.RUNNING.search(sample.words(column)) is not None and len(readings) > 1  # no date decides it
     chosen = None if is_odd else decided(readings, values, inertial=sample.is_inertial, newest=sample.newest)
     sure: Sure = "inferred"
-    by_head = [one for one in readings if sample.rate and abs(one.rate - sample.rate) <= CLOSE * sample.rate]
+    by_head = [one for one in readings if sample.rate and abs(one.rate - sample.rate) <= RATE_TOLERANCE * sample.rate]
     if chosen is None and len(by_head) == 1:
         [chosen] = readings = by_head
-    if chosen is None and len(values) < names.FEWEST:
+    if chosen is None and len(values) < names.MIN_ROWS:
         is_usual = bool((values != np.round(values)).any()) and 0 < np.ptp(values) <= LONGEST_STEP_S
         likely = [one for one in readings if (one.dated if len(values) == 1 else is_usual and one.unit == "s")]
         if len(likely) == 1 or len(values) == 1:
@@ -163,7 +163,8 @@ def unnamed_clocks(sample: TableSample) -> list[TableClock]:
     rising: dict[int, TableClock] = {}
     for column in range(len(sample.headings)):
         values = sample.numbers(column)
-        if len(values) >= max(names.FEWEST, len(sample.form.sample)) and (np.diff(values) >= 0).mean() > names.RISING:
+        share = (np.diff(values) >= 0).mean() if len(values) >= max(names.MIN_ROWS, len(sample.form.sample)) else 0.0
+        if share > names.MIN_RISING:
             is_stated = sample.options.unit or sample.headings[column].unit
             one = number_clock(sample, column, 5) if is_stated else inferred_clock(sample, column, 5)
             rising |= {column: one} if one.epoch == "1970" or (np.diff(values) > 0).all() else {}
@@ -171,7 +172,7 @@ def unnamed_clocks(sample: TableSample) -> list[TableClock]:
     if clock is None and rising and sample.form.headings:
         named = (one for i, one in rising.items() if _is_of_time(sample, i))
         clock = next((one for one in named if not one.is_open), None)
-    elif clock is None and rising and len(sample.headings) > names.FEWEST:
+    elif clock is None and rising and len(sample.headings) > names.MIN_ROWS:
         clock = rising.get(next(i for i in range(len(sample.headings)) if len(sample.numbers(i))))
     return [] if clock is None else [replace(clock, why=f"it rises from row to row, and {clock.why}")]
 

@@ -10,7 +10,7 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.tables.cells import are_hexadecimal, hexadecimal_number
 from imuscope.recordings.tables.clock import Epoch, TableClock
 from imuscope.recordings.tables.clocks import names
-from imuscope.recordings.tables.dates import GPS_EPOCH, WEEK, are_dates, are_packed, cells_of, is_moment
+from imuscope.recordings.tables.dates import GPS_EPOCH, WEEK_S, are_dates, are_packed, cells_of, is_moment
 from imuscope.recordings.tables.format import TableFormat, is_number
 from imuscope.recordings.tables.headings import ColumnHeading
 from imuscope.recordings.tables.options import TableOptions
@@ -51,7 +51,7 @@ class TableSample:
     def is_text(self, column: int) -> bool:
         """Whether the cells of a column are dates or times of day."""
         cells = self.cells(column)
-        if len(cells) and all(map(is_number, cells[: names.FEWEST])):
+        if len(cells) and all(map(is_number, cells[: names.MIN_ROWS])):
             words = self.words(column)
             if words == "date":  # 140214 is a day, not 14:02:14
                 return are_dates(cells)
@@ -63,18 +63,18 @@ class TableSample:
     def rises(self, column: int) -> bool:
         """Whether the numbers of a column rise, and hardly any row lacks one."""
         values, rows = self.numbers(column), len(self.form.sample)
-        return len(values) >= max(names.FEWEST, names.RISING * rows) and bool((np.diff(values) > 0).all())
+        return len(values) >= max(names.MIN_ROWS, names.MIN_RISING * rows) and bool((np.diff(values) > 0).all())
 
     def advances(self, columns: Sequence[int]) -> bool:
         """Whether the numbers of a stamp are more than zeros."""
         return any(len(values := self.numbers(column)) and bool(np.ptp(values)) for column in columns) or not (
-            len(self.form.sample) >= names.FEWEST
+            len(self.form.sample) >= names.MIN_ROWS
         )
 
     def is_gps_week(self, values: Floats) -> bool:
         """Whether numbers can be that of the GPS week: one, or it and the next."""
         weeks = {*values.tolist()}
-        newest = (self.newest - GPS_EPOCH) / WEEK
+        newest = (self.newest - GPS_EPOCH) / WEEK_S
         return len(weeks) <= 2 and all(one == round(one) and names.FIRST_WEEK <= one <= newest for one in weeks)
 
     def name(self, *columns: int) -> str:

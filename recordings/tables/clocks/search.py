@@ -47,12 +47,12 @@ from imuscope.recordings.tables.clocks.numbers import (
     unnamed_clocks,
 )
 from imuscope.recordings.tables.clocks.sample import TableSample
-from imuscope.recordings.tables.dates import WEEK, order_of
+from imuscope.recordings.tables.dates import WEEK_S, order_of
 from imuscope.recordings.tables.options import NO_COLUMN
-from imuscope.recordings.tables.time_units import CLOSE, SPELLINGS, UNITS, rate_text, usual_step
+from imuscope.recordings.tables.time_units import RATE_TOLERANCE, SPELLINGS, UNITS, rate_text, usual_step
 
 MOST_NAMED = 4
-EVEN = 1.5  # longest of nearly all steps, in shortest ones
+MAX_STEP_RATIO = 1.5  # longest of nearly all steps, in shortest ones
 
 
 def axis_of_table(sample: TableSample) -> tuple[TableClock, list[TableClock]]:
@@ -95,7 +95,7 @@ def _hint_without_heading(sample: TableSample) -> str:
     rising = [column for column in range(width) if sample.rises(column)]
     for week in (column - 1 for column in rising):
         numbers, seconds = sample.numbers(week) if week >= 0 else np.zeros(0), sample.numbers(week + 1)
-        if len(numbers) and sample.is_gps_week(numbers) and seconds.min() >= 0 and seconds.max() < WEEK:
+        if len(numbers) and sample.is_gps_week(numbers) and seconds.min() >= 0 and seconds.max() < WEEK_S:
             lines = f'"{week + 1} = week" and "{week + 2} = tow (s)"'
             likeness = f"columns {week + 1} and {week + 2} look like a GPS week and the seconds of it"
             return (
@@ -111,19 +111,19 @@ def _hint_without_heading(sample: TableSample) -> str:
 def _runs_evenly(sample: TableSample, column: int) -> bool:
     """Whether the numbers of a column rise in nearly equal steps."""
     steps = np.diff(sample.numbers(column)) if sample.rises(column) else np.zeros(0)
-    return len(steps) > 0 and float(np.quantile(steps, 0.9)) < EVEN * float(np.quantile(steps, 0.1))
+    return len(steps) > 0 and float(np.quantile(steps, 0.9)) < MAX_STEP_RATIO * float(np.quantile(steps, 0.1))
 
 
 def _by_another(sample: TableSample, axis: TableClock, others: Sequence[TableClock]) -> TableClock | None:
     """The axis with the unit in which it runs like another clock."""
     values = sample.numbers(axis.columns[0])
-    if len(values) < names.FEWEST or not np.ptp(values):
+    if len(values) < names.MIN_ROWS or not np.ptp(values):
         return None
     for other in (one for one in others if not one.is_open and one.kind in ("number", "counter")):
         theirs = sample.numbers(other.columns[0])
         ratio = float(np.ptp(theirs)) * other.factors[0] / float(np.ptp(values)) if len(theirs) == len(values) else 0.0
         for unit, factor in UNITS.items():
-            if abs(ratio / factor - 1) < CLOSE:
+            if abs(ratio / factor - 1) < RATE_TOLERANCE:
                 epoch, why = sample.epoch(float(values[0]) * factor), f"so it runs like {other.name}"
                 return replace(axis, unit=unit, factors=(factor,), epoch=epoch, sure="inferred", why=why, readings=())
     return None
@@ -147,7 +147,7 @@ def _check_rate(sample: TableSample, axis: TableClock) -> None:
     both = zip(axis.columns, axis.factors, strict=True)
     values = np.sum([sample.numbers(column) * factor for column, factor in both], axis=0)
     step = usual_step(values)
-    if step and abs(1 / step - sample.options.rate) > CLOSE * sample.options.rate:
+    if step and abs(1 / step - sample.options.rate) > RATE_TOLERANCE * sample.options.rate:
         words = f"{sample.file}: {axis.name} in {axis.unit} has {rate_text(1 / step)}, not {sample.options.rate:g} Hz."
         hint = f"Leave --rate out, or give --time-column {NO_COLUMN} to count the rows instead."
         raise AmbiguousTableError(words, hint, "rate")
@@ -183,7 +183,7 @@ class _Evidence(NamedTuple):
     @classmethod
     def of(cls, sample: TableSample, clock: TableClock) -> "_Evidence":
         rows = [tuple(row[column] for column in clock.columns) for row in sample.form.sample]
-        times = len({*rows}) if len(rows) >= names.FEWEST else math.inf
+        times = len({*rows}) if len(rows) >= names.MIN_ROWS else math.inf
         is_coarse = clock.unit in ("", "s") and not any(names.DECIMALS.search(cell) for row in rows for cell in row)
         return cls(sum(all(map(str.strip, row)) for row in rows), times == 1, is_coarse and times < len(rows) / 2)
 
@@ -241,7 +241,7 @@ def _of_name(sample: TableSample, column: int) -> TableClock | None:
         return None
     if heading.name.lower() == "arrival" or (words == "t" and names.has_odd_unit(heading)):  # a temperature
         return None
-    if not has_cells and len(sample.form.sample) >= names.FEWEST:  # the program had no time to write
+    if not has_cells and len(sample.form.sample) >= names.MIN_ROWS:  # the program had no time to write
         return None
     rank = (1 if is_stamp else 2 if names.is_plain(heading) or is_ros else 3) + bool(names.OF_HOST.match(words))
     if rank == 1 and not sample.advances((column,)):
@@ -269,10 +269,10 @@ def _complete(sample: TableSample, clock: TableClock) -> TableClock:
 def _completes(sample: TableSample, clock: TableClock, column: int, factor: float) -> bool:
     """Whether times in whole seconds, several of which are equal, rise in every row with these parts."""
     rows, parts = sample.form.sample, sample.numbers(column)
-    if len(rows) < names.FEWEST or len(parts) != len(rows) or parts.min() < 0 or parts.max() * factor >= 1:
+    if len(rows) < names.MIN_ROWS or len(parts) != len(rows) or parts.min() < 0 or parts.max() * factor >= 1:
         return False
     seconds = sample_times(clock, rows, sample.form.decimal)
     if not np.isfinite(seconds).all() or (seconds != np.floor(seconds)).any() or (parts != np.floor(parts)).any():
         return False
     repeats = bool((np.diff(seconds) == 0).any())
-    return repeats and bool((np.diff(seconds + parts * factor) > 0).mean() > names.RISING)
+    return repeats and bool((np.diff(seconds + parts * factor) > 0).mean() > names.MIN_RISING)

@@ -17,14 +17,14 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
-from imuscope.recordings.tables.dates import DAY
+from imuscope.recordings.tables.dates import DAY_S
 
 StepKind = Literal["back", "ahead", "wrap"]
 
-APART = 2.0  # of the length that is a gap: the unknown time between two segments is drawn, and found, as one
+GAP_RATIO = 2.0  # of the length of a gap: the unknown time between two segments is drawn as one
 NEXT_ROWS = 8  # rows within which a clock that is only out of order returns
 PAUSE_S = 60.0  # a longer step ahead begins a segment; a shorter one is a gap
-COARSE = 0.5  # of the rows repeat a time
+REPEATED_SHARE = 0.5  # of the rows repeat a time
 MOST_STEPS = 10_000
 _SIZES = (
     *((2 * size, size, unit) for size, unit in ((86_400.0, "days"), (3600.0, "h"), (60.0, "min"))),
@@ -139,7 +139,7 @@ class ClockWatch:
             return
         else:
             self.steps.append(StepOfClock(at, "back", by, previous, now))
-            self._shift = previous + self._shift + (APART * self._ahead if np.isfinite(self._ahead) else 1.0) - now
+            self._shift = previous + self._shift + (GAP_RATIO * self._ahead if np.isfinite(self._ahead) else 1.0) - now
         self.shifts.append((at, self._shift))
 
     def _wraps(self, previous: float, now: float, period: float) -> bool:
@@ -165,9 +165,9 @@ def shifted(times: Floats, first_row: int, shifts: Sequence[tuple[int, float]]) 
 def periods_of(factor: float, kind: str, epoch: str) -> tuple[float, ...]:
     """Periods at which a clock of that unit may wrap, s."""
     if epoch == "day":
-        return (DAY,)
+        return (DAY_S,)
     if epoch == "week":
-        return (7 * DAY,)
+        return (7 * DAY_S,)
     if kind == "text" and epoch == "start":
         return (3600.0,)
     if kind == "counter":
@@ -199,6 +199,6 @@ def repeats_words(watch: ClockWatch, name: str) -> str:
     if not watch.repeats:
         return ""
     words = f"{name}: {counted(watch.repeats, 'row repeats', 'rows repeat')} the time of the row before"
-    if watch.repeats < COARSE * watch.rows:
+    if watch.repeats < REPEATED_SHARE * watch.rows:
         return f"{words}."
     return f"{words}: it is coarser than the samples. Where their rate is known, --time-column none --rate counts them."

@@ -17,7 +17,7 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import ColumnStore
-from imuscope.recordings.tables.clocks.axis import AHEAD, step_limits
+from imuscope.recordings.tables.clocks.axis import MIN_STEP_AHEAD_S, step_limits
 from imuscope.recordings.tables.clocks.steps import ClockWatch, StepOfClock, periods_of
 from imuscope.recordings.tables.time_units import UNITS, is_dated
 from imuscope.server.extensions.clocks.against import ClockDifference, difference_between
@@ -223,7 +223,7 @@ def _figures(
     made.resolution_s = float(forward.min()) if len(forward) else None
     _count_bursts(made, steps, expected)
     if made.bursts and expected:  # then single steps say nothing on the rate
-        usual, ahead = expected, max(ahead, AHEAD * expected)
+        usual, ahead = expected, max(ahead, MIN_STEP_AHEAD_S * expected)
     made.rate_hz = 1 / usual if usual else None
     watch = ClockWatch(usual, ahead, periods_of(factor, "counter" if factor else "text", "start"))
     watch.feed(times)

@@ -15,7 +15,7 @@ from imuscope.recordings.library.recording_probe import TABLE_FORMATS
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.recordings.tables.options import (
     FASTEST_HZ,
-    LONGEST,
+    MAX_HEADING_CHARS,
     MOST_COLUMNS,
     SLOWEST_HZ,
     FileReading,
@@ -31,7 +31,7 @@ from imuscope.server.services.services import Services
 router = lazy_router(prefix="/api/recordings", tags=["recordings"])
 
 MOST_PACKED = 20_000_000  # bytes of an archive that is unpacked to look for a question
-Heading = Annotated[str, Field(max_length=LONGEST)]
+Heading = Annotated[str, Field(max_length=MAX_HEADING_CHARS)]
 
 
 class FileReadingBody(BaseModel, extra="forbid"):

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from imuscope.protocols.embedded.nmea import LONGEST, SENTENCES, find_nmea, sentence
+from imuscope.protocols.embedded.nmea import MAX_SENTENCE_BYTES, SENTENCES, find_nmea, sentence
 from imuscope.protocols.events import ParsedMessage
 from tests.protocols.embedded.nmea_sentences import EXAMPLES
 from tests.support.each_row import each_row
@@ -72,7 +72,7 @@ def test_unknown_sentences_keep_their_words() -> None:
 def test_a_lone_dollar_is_given_up_after_the_length_of_a_sentence() -> None:
     assert find_nmea(b"$" + b"A" * 50, final=False) == ([], 0)
     assert find_nmea(b"$" + b"A" * 50, final=True) == ([], 51)
-    assert find_nmea(b"$" + b"A" * LONGEST, final=False) == ([], LONGEST + 1)
+    assert find_nmea(b"$" + b"A" * MAX_SENTENCE_BYTES, final=False) == ([], MAX_SENTENCE_BYTES + 1)
 
 
 def pieces(data: bytes, cuts: list[int]) -> list[ParsedMessage]:
@@ -102,7 +102,7 @@ def test_cutting_changes_nothing(data: bytes, cuts: list[int]) -> None:
 def test_any_bytes_are_survived(data: bytes, final: bool) -> None:
     results, stored = find_nmea(memoryview(data), final=final)
     assert 0 <= stored <= len(data)
-    assert len(data) - stored <= LONGEST
+    assert len(data) - stored <= MAX_SENTENCE_BYTES
     assert all(0 <= one.offset < one.offset + one.size <= stored for one in results)
 
 
@@ -113,7 +113,7 @@ words = st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_ch
 def test_any_fields_with_a_valid_checksum_are_accepted(name: str, fields: list[str]) -> None:
     """Pynmeagps meets fields it does not expect: the sentence stands, its words at least are there."""
     content = ",".join([name, *fields])
-    if len(content) > LONGEST - 10:
+    if len(content) > MAX_SENTENCE_BYTES - 10:
         return
     results, _ = find_nmea(sentence(content), final=True)
     assert [one.name for one in results] == [name]

@@ -8,7 +8,7 @@ import random
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.protocols.registry.mixed_protocols import FEW, MixedProtocolDetector
+from imuscope.protocols.registry.mixed_protocols import MIN_FRAMES, MixedProtocolDetector
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from tests.support.each_row import each_row
 
@@ -66,4 +66,4 @@ def test_bytes_inside_a_frame_belong_to_it(own: str) -> None:
 def test_noise_is_not_a_protocol() -> None:
     noise = random.Random(1).randbytes(1 << 22)
     for own in PROTOCOLS:
-        assert sum(examine(own, noise, 1 << 16).count.values()) < FEW
+        assert sum(examine(own, noise, 1 << 16).count.values()) < MIN_FRAMES

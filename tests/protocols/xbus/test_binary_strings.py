@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.protocols.events import ParsedMessage
-from imuscope.protocols.xbus.binary_strings import WINDOW, Em1000Row, find
+from imuscope.protocols.xbus.binary_strings import WINDOW_BYTES, Em1000Row, find
 from tests.protocols.embedded.nmea_sentences import EM1000, TSS2
 from tests.support.each_row import each_row
 
@@ -51,7 +51,7 @@ def test_em1000_is_accepted_when_two_more_follow() -> None:
 
 def test_em1000_continues_a_run() -> None:
     assert [one.offset for one in find(EM1000 * 5, final=True, row=Em1000Row(0))[0]] == [0, 10, 20, 30, 40]
-    assert find(EM1000, final=True, row=Em1000Row(-WINDOW - 1))[0] == []
+    assert find(EM1000, final=True, row=Em1000Row(-WINDOW_BYTES - 1))[0] == []
 
 
 def test_em1000_is_found_wherever_a_device_may_send_it() -> None:
@@ -59,11 +59,11 @@ def test_em1000_is_found_wherever_a_device_may_send_it() -> None:
     others = b"$GPGGA," + b"1" * 70 + b"*00\r\n"
     apart = (EM1000 + others * 13 + TSS2 + b"\r\n") * 5
     assert len([one for one in find(apart, final=True)[0] if one.name == "EM1000"]) == 5
-    row = Em1000Row(-WINDOW - 1, 0)
+    row = Em1000Row(-WINDOW_BYTES - 1, 0)
     results = []
     for _ in range(5):  # each between two frames, or alone in a second
         results.append(len(find(EM1000, final=True, row=row)[0]))
-        row.end -= 10 + WINDOW // 2
+        row.end -= 10 + WINDOW_BYTES // 2
     assert results == [0, 0, 1, 1, 1]
 
 
@@ -93,7 +93,7 @@ def test_noise_holds_no_strings() -> None:
 def pieces(data: bytes, cuts: list[int]) -> list[tuple[int, str]]:
     results: list[tuple[int, str]] = []
     start = end = 0
-    row = Em1000Row(-WINDOW - 1, 0)
+    row = Em1000Row(-WINDOW_BYTES - 1, 0)
     for size in [*cuts, len(data)]:
         end = min(end + size, len(data))
         now, stored = find(data[start:end], final=end == len(data), row=row)

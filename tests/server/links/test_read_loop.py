@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from imuscope.protocols.native.kernels import plain
-from imuscope.recordings.mcap.read_memory import BUFFER_BYTES, LIMIT, MAX_READS, NEVER, ReadFollower
+from imuscope.recordings.mcap.read_memory import BUFFER_BYTES, MAX_READS, NEVER_NS, READ_LIMIT, ReadFollower
 from imuscope.server.links import read_loop
 from imuscope.server.links.base import Chunk, steady_clock
 from imuscope.server.links.read_loop import ReadLoop, monotonic_offset_ns
@@ -33,7 +33,7 @@ class ReadEnd:
         self.fd, self.writer = os.pipe()
         self.stopped, self.stop = os.pipe()
         os.set_blocking(self.fd, False)
-        self.deadlines = np.array([NEVER, NEVER], np.int64)
+        self.deadlines = np.array([NEVER_NS, NEVER_NS], np.int64)
         self.loop = ReadLoop(self.fd, self.stopped, self.now_ns, self.deadlines)
 
     def read(self, timeout_s: float | None, until_ns: int) -> list[Chunk]:
@@ -243,7 +243,7 @@ def read_of(follower: ReadFollower) -> bytes:
         if count > follower.take_count:
             data += bytes(memory.view[begin : int(memory.ends[count - 1])])
             follower.take_count = count
-        if memory.state[LIMIT] != count or len(follower.memories) == 1:
+        if memory.state[READ_LIMIT] != count or len(follower.memories) == 1:
             return data
 
 
@@ -299,4 +299,4 @@ def test_a_follower_that_ends_while_it_waits_is_woken(end: ReadEnd) -> None:
     assert follower.sleep()
     end.loop.unfollow()
     assert woken == [True]
-    assert end.deadlines[RECORDING] == NEVER
+    assert end.deadlines[RECORDING] == NEVER_NS

@@ -5,7 +5,7 @@ import type { Horizon } from "./projection";
 
 const DEGREE = Math.PI / 180;
 /** Pitch from the centre to the rim, in °. */
-const REACH = 24;
+const PITCH_RANGE_DEG = 24;
 /** The ladder ends before the bank scale at the rim, in °. */
 const LADDER = 17;
 const BANK_TICKS = [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60];
@@ -40,7 +40,7 @@ export function drawHorizon(to: Surface, horizon: Horizon | undefined): void {
 
 /** Sky, ground and the pitch ladder, in the world's orientation; the ladder counts ° of the nose above the horizon. */
 function drawWorld(x: CanvasRenderingContext2D, radius: number, nose: number): void {
-  const scale = radius / REACH;
+  const scale = radius / PITCH_RANGE_DEG;
   x.save();
   x.translate(0, nose * scale);
   const far = radius + 90 * scale;

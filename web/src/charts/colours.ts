@@ -31,16 +31,16 @@ export interface ColourScale {
 }
 
 /** The densest part is bright; the scale reaches this far below it, as a ratio of power: 60 dB. */
-const REACH = 1e6;
+const MAX_RATIO = 1e6;
 /** Share of figures that the dark end leaves out: an empty bin must not stretch the scale. */
-const DARKEST = 0.02;
+const DARK_QUANTILE = 0.02;
 
 /** The scale of positive figures, logarithmic; undefined without any. */
 export function scaleOf(figures: Iterable<number | null>, isRoot: boolean): ColourScale | undefined {
   const known = [...figures].filter((one): one is number => one !== null && one > 0).sort((a, b) => a - b);
-  const [high, dark] = [known.at(-1), known[Math.floor(known.length * DARKEST)]];
+  const [high, dark] = [known.at(-1), known[Math.floor(known.length * DARK_QUANTILE)]];
   if (high === undefined || dark === undefined) return undefined;
-  const low = Math.max(dark, high / (isRoot ? Math.sqrt(REACH) : REACH));
+  const low = Math.max(dark, high / (isRoot ? Math.sqrt(MAX_RATIO) : MAX_RATIO));
   return low < high ? { low, high } : { low: high / 2, high };
 }
 

@@ -8,11 +8,11 @@
 /** Spare room must last this long before the scale narrows (design, "Live"). */
 const NARROW_MS = 5000;
 /** The scale has spare room when the data need less than this part of it. */
-const SPARE = 0.66;
+const MIN_FILLED_SHARE = 0.66;
 /** Room above and below the data. */
-const PAD = 0.07;
+const PAD_SHARE = 0.07;
 /** Fraction of its circle from which a wrapping quantity counts as going round. */
-const ROUND = 0.7;
+const ROUNDED_SHARE = 0.7;
 
 /** Steps of a circle from ten degrees up. */
 const DEGREES: readonly number[] = [10, 15, 30, 45, 90, 180, 360];
@@ -49,7 +49,7 @@ export class Scale {
    */
   update(lo: number, hi: number, now: number, atOnce: boolean): boolean {
     if (!(lo <= hi)) return false;
-    if (this.period > 0 && hi - lo > ROUND * this.period) {
+    if (this.period > 0 && hi - lo > ROUNDED_SHARE * this.period) {
       const edge = this.period / 36;
       return lo < 0
         ? this.#take(-this.period / 2 - edge, this.period / 2 + edge)
@@ -57,7 +57,7 @@ export class Scale {
     }
     const span = Math.max(hi - lo, this.least, Math.abs(hi + lo) * 1e-9);
     const middle = (lo + hi) / 2;
-    const half = Math.max((hi - lo) / 2, span / 2) + span * PAD;
+    const half = Math.max((hi - lo) / 2, span / 2) + span * PAD_SHARE;
     const step = niceStep(half / 2) / 4;
     const [a, b] = [Math.floor((middle - half) / step) * step, Math.ceil((middle + half) / step) * step];
     if (!this.#set || atOnce) return this.#take(a, b);
@@ -65,7 +65,7 @@ export class Scale {
       // widen only the end that needs it; the padding alone does not move the scale
       if (lo < this.lo || hi > this.hi) return this.#take(Math.min(a, this.lo), Math.max(b, this.hi));
     }
-    if (b - a >= SPARE * (this.hi - this.lo)) this.#spareSince = undefined;
+    if (b - a >= MIN_FILLED_SHARE * (this.hi - this.lo)) this.#spareSince = undefined;
     else if (this.#spareSince === undefined) this.#spareSince = now;
     else if (now - this.#spareSince > NARROW_MS) return this.#take(a, b);
     return false;

@@ -16,7 +16,7 @@ const BURST_S = 0.05;
 /** Number of spacings used for the usual one. */
 const STEPS_SEEN = 63;
 /** Rows judged by one usual spacing: the rate may change within a long block of history. */
-const STRETCH = 256;
+const BLOCK_SAMPLES = 256;
 
 /** One lost sample leaves twice the usual spacing, which could be jitter: it is a gap only if a sample is known to be missing. */
 const MISSING_FACTOR = 1.5;
@@ -70,7 +70,7 @@ export class Gaps {
   /** Check rows from ≤ row < to, which were written, and the row after them. */
   judge(rows: Rows, from: number, to: number): void {
     const end = Math.min(rows.end, to + 1);
-    for (let a = from; a < end; a += STRETCH) this.#stretch(rows, a, Math.min(a + STRETCH, end));
+    for (let a = from; a < end; a += BLOCK_SAMPLES) this.#stretch(rows, a, Math.min(a + BLOCK_SAMPLES, end));
   }
 
   /** Break the line before `row`. */

@@ -16,7 +16,7 @@ export interface Loss {
 }
 
 /** Losses kept of one device; the oldest go first. */
-const KEPT = 8000;
+const MAX_LOSSES = 8000;
 
 export class LossList {
   readonly #of = new Map<string, Loss[]>();
@@ -71,6 +71,6 @@ export class LossList {
     let at = list.length;
     while (at > 0 && list[at - 1]!.t0 > loss.t0) at--;
     list.splice(at, 0, loss);
-    if (list.length > KEPT) list.shift();
+    if (list.length > MAX_LOSSES) list.shift();
   }
 }

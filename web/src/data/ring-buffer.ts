@@ -28,7 +28,7 @@ import type { TimeBase } from "./view";
 /** How far back, in rows, a late sample is moved. 4096 rows are 2 s at 2 kHz: ten times the age of a GNSS fix. */
 const LATE_ROWS = 4096;
 /** Row number of the first row: room to prepend, and small enough for fast integers. */
-const START = 1 << 28;
+const FIRST_SEQUENCE = 1 << 28;
 const REBASE_AT = 1 << 30;
 const FIRST_CAPACITY = 256;
 
@@ -77,8 +77,8 @@ function slots(dtype: Dtype, n: number): ColumnValues {
 
 export class Ring {
   /** Rows `first` ≤ row < `end` are held. */
-  first = START;
-  end = START;
+  first = FIRST_SEQUENCE;
+  end = FIRST_SEQUENCE;
   /** Slot of row i is i & mask. */
   mask = FIRST_CAPACITY - 1;
   arrivals = new Float64Array(FIRST_CAPACITY);
@@ -242,7 +242,7 @@ export class Ring {
    * spacing.
    */
   clear(longest = NaN): void {
-    this.first = this.end = START;
+    this.first = this.end = FIRST_SEQUENCE;
     this.#gaps.clear();
     this.#gaps.longest = longest;
     this.#nextSequence = this.#firstSequence = -1;
@@ -408,9 +408,9 @@ export class Ring {
     return pyramid;
   }
 
-  /** Renumber rows from START, after months: by whole turns of the ring, so that every row keeps its slot. */
+  /** Renumber rows from FIRST_SEQUENCE, after months: by whole turns of the ring, so that every row keeps its slot. */
   #rebase(): void {
-    const turns = (this.first - START) & ~this.mask;
+    const turns = (this.first - FIRST_SEQUENCE) & ~this.mask;
     this.first -= turns;
     this.end -= turns;
     this.#gaps.shift(turns);

@@ -13,14 +13,14 @@
 export const MEASURED_MS = 1000;
 /** Interval if nothing is drawn; the server sends at least that often. */
 const LONGEST_S = 0.1;
-const SHARE = 0.25;
+const BUSY_SHARE = 0.25;
 /** Shorter intervals make no difference: the server collects samples for about this long. */
 const SHORTEST_S = 0.01;
 
 /** The interval for `frames` drawn within `seconds`, s; 0: as often as possible. */
 export function intervalFor(frames: number, seconds: number): number {
   if (frames === 0) return LONGEST_S;
-  const wanted = Math.min(LONGEST_S, (SHARE * seconds) / frames);
+  const wanted = Math.min(LONGEST_S, (BUSY_SHARE * seconds) / frames);
   return wanted <= SHORTEST_S ? 0 : Math.round(100 * wanted) / 100;
 }
 

@@ -28,9 +28,9 @@ const ANCHOR_SAMPLES = 2000;
 /** A shorter resultant, of unit vectors, has no meaningful direction. */
 const MIN_RESULTANT = 0.05;
 /** Passes over the samples; the second corrects the anchor's error for a skewed distribution. */
-const PASSES = 3;
+const MEAN_PASSES = 3;
 /** An anchor that moves by less than this part of the period has converged. */
-const SETTLED = 1e-6;
+const SETTLED_SHARE = 1e-6;
 
 /** `angle` in (−period/2, period/2]. */
 export function wrapped(angle: number, period: number): number {
@@ -94,13 +94,13 @@ function around(
   const isTold = resultant >= MIN_RESULTANT;
   let anchor = isTold ? direction : other;
   let moments = new Moments();
-  for (let pass = 0; pass < PASSES; pass++) {
+  for (let pass = 0; pass < MEAN_PASSES; pass++) {
     moments = new Moments();
     for (let row = from; row < to; row++) {
       const v = values[row & mask]!;
       if (v === v) moments.add(wrapped(v - anchor, period));
     }
-    if (!isTold || Math.abs(moments.mean) < SETTLED * period) break;
+    if (!isTold || Math.abs(moments.mean) < SETTLED_SHARE * period) break;
     anchor += moments.mean;
   }
   return { mean: isTold ? wrapped(anchor, period) : NaN, sigma: moments.sigma };

@@ -19,7 +19,7 @@ interface Props {
 }
 
 /** Below this share of the bar a name would be cut. */
-const NAMED = 0.09;
+const MIN_NAMED_SHARE = 0.09;
 
 export function BudgetBar({ load, before, baud, rates, changed, hot, hover, children }: Props) {
   const bar = barOf(load, before, baud, rates);
@@ -65,7 +65,7 @@ export function BudgetBar({ load, before, baud, rates, changed, hot, hover, chil
               title={`${share.title}: ${number(share.bytes, 0)} B/s`}
               onPointerEnter={() => hover(share.path)}
             >
-              {share.width >= NAMED ? share.title.split(",")[0] : ""}
+              {share.width >= MIN_NAMED_SHARE ? share.title.split(",")[0] : ""}
             </i>
           ))}
           {bar.over !== undefined && <b class="excess" style={{ left: `${100 * bar.over}%` }} />}

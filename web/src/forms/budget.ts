@@ -34,7 +34,7 @@ interface Bar {
 }
 
 /** Marks nearer than this to another, or to the left end, would cover its label. */
-const APART = 0.14;
+const MIN_LABEL_GAP = 0.14;
 
 /**
  * @param load of the outputs after the edits
@@ -89,7 +89,7 @@ function marksOf(
   const wanted = [...new Set([now, ...rates.filter((rate) => rate > now).sort((a, b) => b - a)])];
   for (const rate of wanted) {
     const at = (rate * perBaud) / scale;
-    if (at > 1 || at < APART / 2 || marks.some((mark) => Math.abs(mark.at - at) < APART)) continue;
+    if (at > 1 || at < MIN_LABEL_GAP / 2 || marks.some((mark) => Math.abs(mark.at - at) < MIN_LABEL_GAP)) continue;
     marks.push({ baud: rate, at, is: rate === now ? "now" : "other" });
   }
   return marks;

@@ -31,7 +31,7 @@ export interface LinkedPlace {
 }
 
 /** Decimals of a second: finer than any sensor's sampling. */
-const DIGITS = 4;
+const URL_DIGITS = 4;
 const FRAMES: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
 
 export function readPlace(query: string): LinkedPlace {
@@ -84,14 +84,14 @@ function safely(read: () => readonly string[]): readonly string[] {
 export function placeQuery(place: LinkedPlace): string {
   const given = new URLSearchParams();
   const time = (name: string, value: number | undefined): void => {
-    if (value !== undefined) given.set(name, value.toFixed(DIGITS));
+    if (value !== undefined) given.set(name, value.toFixed(URL_DIGITS));
   };
   time("t0", place.t0);
   time("t1", place.t1);
-  if (place.span !== undefined) given.set("span", String(Number(place.span.toFixed(DIGITS))));
+  if (place.span !== undefined) given.set("span", String(Number(place.span.toFixed(URL_DIGITS))));
   time("cursor", place.cursor);
   time("measure", place.measure);
-  if (place.loop) given.set("loop", place.loop.map((t) => t.toFixed(DIGITS)).join(","));
+  if (place.loop) given.set("loop", place.loop.map((t) => t.toFixed(URL_DIGITS)).join(","));
   if (place.device) given.set("device", place.device);
   if (place.base === "arrival") given.set("base", place.base);
   if (place.frame) given.set("frame", place.frame);

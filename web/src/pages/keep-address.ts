@@ -7,7 +7,7 @@ import { showAddress } from "./test-hook";
 /** Interval at which the view is looked at, ms. */
 const LOOK_MS = 100;
 /** Looks after which a view that keeps moving is written. */
-const LOOKS = 10;
+const SETTLING_LOOKS = 10;
 
 /**
  * Keep the address up to date.
@@ -36,7 +36,7 @@ export function keepAddress(next: () => string | undefined, onWrite: (hash: stri
       return;
     }
     moved += 1;
-    if (isMoving && moved < LOOKS) return;
+    if (isMoving && moved < SETTLING_LOOKS) return;
     moved = 0;
     onWrite(now);
     history.replaceState(null, "", now);

@@ -17,7 +17,7 @@ import { TEXT } from "../texts/packets";
 import "./packet.css";
 
 /** Neighbours on each side. */
-const BESIDE = 12;
+const FRAMES_BESIDE = 12;
 
 interface Props {
   readonly at: PacketAt;
@@ -54,7 +54,7 @@ export function PacketDialog({ at, name, onClose }: Props) {
   // biome-ignore lint/correctness/useExhaustiveDependencies: signals and the place of the sample stay the same
   useEffect(() => {
     let over = false;
-    void fetchFrames(at, { ...asked, beside: BESIDE }).then((outcome) => {
+    void fetchFrames(at, { ...asked, beside: FRAMES_BESIDE }).then((outcome) => {
       if (over) return;
       problem.value = outcome.ok ? undefined : outcome.problem;
       if (!outcome.ok) return;

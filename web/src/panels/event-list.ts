@@ -12,9 +12,9 @@ import { TEXT as PACKETS } from "../texts/packets";
 import { TEXT } from "../texts/panels";
 
 /** More are in the server's log. */
-const SHOWN = 200;
+const MAX_EVENTS = 200;
 /** Margin on either side of the event's interval, as part of its length. */
-const ROOM = 0.5;
+const MARGIN_SHARE = 0.5;
 
 function mountEvents(host: HTMLElement, deps: Deps): Panel {
   const sort = deps.eventSort;
@@ -40,7 +40,7 @@ function mountEvents(host: HTMLElement, deps: Deps): Panel {
       if (events === shown && state === `${device} ${sort.value}`) return;
       [shown, state] = [events, `${device} ${sort.value}`];
       const mine = events.filter((event) => event.device === device || event.device === "");
-      const groups = eventGroups(mine, sort.value, SHOWN);
+      const groups = eventGroups(mine, sort.value, MAX_EVENTS);
       const focused = list.contains(document.activeElement)
         ? document.activeElement?.getAttribute("data-key")
         : undefined;
@@ -93,8 +93,8 @@ function titleOf({ from, to, count: n }: EventGroup): string {
 function show({ t0, t1 }: EventGroup, deps: Deps): void {
   const { actions } = deps.viewState;
   const { span } = deps.viewState.view.peek();
-  const room = ROOM * (t1 - t0);
-  if (t1 - t0 > span * (1 - ROOM)) actions.select(t0 - room, t1 + room);
+  const room = MARGIN_SHARE * (t1 - t0);
+  if (t1 - t0 > span * (1 - MARGIN_SHARE)) actions.select(t0 - room, t1 + room);
   else actions.centreAt((t0 + t1) / 2);
   actions.pin(t0);
 }

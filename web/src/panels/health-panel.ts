@@ -29,7 +29,7 @@ import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/panels";
 
 /** Bars in a small sparkline: one for two seconds. */
-const SLOTS = 31;
+const SPARKLINE_SLOTS = 31;
 
 const ROWS: readonly {
   readonly key: HealthKey;
@@ -152,7 +152,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
 }
 
 /** Messages seen at least this often stream; answers and greetings come once or twice. */
-const STREAMS = 5;
+const MIN_STREAM_SAMPLES = 5;
 
 /** One line per message that streams, below the samples; none while there is only one. */
 function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHealth | undefined): void } {
@@ -163,7 +163,7 @@ function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHe
       const channels = channelsOf(deps);
       // answers to a reading are no streams: they would stand here with 0.0 /s from then on
       const isStream = ({ name, count, rate }: MessageHealth): boolean =>
-        count >= STREAMS && (rate > 0 || channels.some(({ info }) => info.message === name));
+        count >= MIN_STREAM_SAMPLES && (rate > 0 || channels.some(({ info }) => info.message === name));
       const streaming = health?.messages.filter(isStream) ?? [];
       const several = streaming.length > 1 ? streaming : [];
       if (several.length !== lines.length || several.some((one, i) => one.name !== lines[i]?.name)) {
@@ -235,11 +235,11 @@ function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<HealthKey, Surfa
     const to = sparks.get(key);
     if (to) how(to);
   };
-  draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.edgeOf(id), SLOTS), gone));
+  draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.edgeOf(id), SPARKLINE_SLOTS), gone));
   // One report in four, the newest at the right, the same scale however short the past is.
-  const lately = moments.filter((_, i) => (moments.length - 1 - i) % 4 === 0).slice(-SLOTS);
+  const lately = moments.filter((_, i) => (moments.length - 1 - i) % 4 === 0).slice(-SPARKLINE_SLOTS);
   const slots = <T>(values: readonly T[]): readonly (T | undefined)[] => [
-    ...new Array<undefined>(SLOTS - values.length).fill(undefined),
+    ...new Array<undefined>(SPARKLINE_SLOTS - values.length).fill(undefined),
     ...values,
   ];
   draw("gaps", (to) => drawTicks(to, slots(lately.map((moment) => moment.lost))));

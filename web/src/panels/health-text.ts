@@ -51,7 +51,7 @@ export function isLeftOut(
 const LATE_S = 1;
 const LATE_STEPS = 3;
 /** A link this full has no room for a burst. */
-const FULL = 0.9;
+const FULL_LINK_SHARE = 0.9;
 
 /** Problems within the last minute. */
 export interface Recent {
@@ -134,7 +134,7 @@ export function healthFigures(
     shareText: {
       value: number(share === undefined ? undefined : share * 100, 1),
       unit: "%",
-      tone: (share ?? 0) > FULL ? "warn" : "",
+      tone: (share ?? 0) > FULL_LINK_SHARE ? "warn" : "",
     },
     jitter: plain({ value: number(jitter, (jitter ?? 0) < 100 ? 2 : 0), unit: TEXT.msP99 }),
     age: {

@@ -71,7 +71,7 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
       for (const line of lines) {
         const text = valueText(line, at);
         line.now.set(text);
-        if (text.length > WIDEST && line.mean) widen(line);
+        if (text.length > MAX_VALUE_CHARS && line.mean) widen(line);
         const stale = deps.held() ? undefined : staleness(line, at, deps.store.edgeOf(line.channel.info.device));
         line.tr.classList.toggle("old", stale !== undefined);
         line.old?.set(stale === undefined ? "" : ` ${stale}`);
@@ -86,8 +86,8 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
 }
 
 /** Characters of a number that fit in its column; those of a name and its unit before the numbers. */
-const WIDEST = 10;
-const LONGEST = 5;
+const MAX_VALUE_CHARS = 10;
+const MAX_LABEL_CHARS = 5;
 
 /** Gives a long number, of a clock or a position, the column of its mean, which would be as long. */
 export function widen({ now, mean }: Pick<Line, "now" | "mean">): void {
@@ -160,7 +160,7 @@ function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel,
     row.label,
   );
   if (row.unit) name.append(unit(row.unit));
-  if (row.colour !== "" && row.label.length + (row.unit ?? "").length > LONGEST) {
+  if (row.colour !== "" && row.label.length + (row.unit ?? "").length > MAX_LABEL_CHARS) {
     // above its numbers, as the name of a quantity with axes
     body.append(el("tr", { class: "long-name" }, name));
     name.setAttribute("colspan", "4");

@@ -24,7 +24,7 @@ const UNPIN_PX = 5;
 const GRIP_PX = 5;
 const FINGER_PX = 16;
 /** Change of the window's length per px of wheel: a notch of 100 px is about 15 %. */
-const WHEEL = 0.0015;
+const WHEEL_STEP = 0.0015;
 /** Dragging the box of the strip to within this fraction of its end goes live again. */
 const LIVE_ZONE = 0.012;
 /** Width of the label of an off-screen cursor on the axis: a click on it goes there, px. */
@@ -254,7 +254,7 @@ export function listen(
       const sideways = event.shiftKey && event.deltaX === 0 ? event.deltaY : event.deltaX;
       if (Math.abs(sideways) > Math.abs(event.deltaY) || (event.shiftKey && sideways !== 0)) {
         actions.panTo(actions.rightEdge() + ((sideways * unit) / w.width) * view.peek().span);
-      } else actions.zoom(Math.exp(event.deltaY * unit * (event.ctrlKey ? 4 * WHEEL : WHEEL)), (x - w.left) / w.width);
+      } else actions.zoom(Math.exp(event.deltaY * unit * WHEEL_STEP * (event.ctrlKey ? 4 : 1)), (x - w.left) / w.width);
     },
     false,
   );

@@ -17,11 +17,11 @@ const LENGTHS: readonly number[] = [60, 120, 300, 600, 1200, 1800, 3600, 7200, 1
 const BEHIND_S = 0.05;
 const MARK_PX = 1.5;
 /** Fraction of the bars, at either end, that may exceed the strip's scale. */
-const OUTLIERS = 0.03;
+const OUTLIER_SHARE = 0.03;
 
-/** Steps between the strip's marks, s; the first with at most MARKS of them is used. */
+/** Steps between the strip's marks, s; the first with at most MAX_MARKS of them is used. */
 const MARK_STEPS: readonly number[] = [15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400, 21_600];
-const MARKS = 5;
+const MAX_MARKS = 5;
 
 /** Length of the strip for the stored data, s. */
 export function stripLength(held: number, window: number): number {
@@ -91,11 +91,11 @@ export class HistoryStrip {
     // one jolt must not flatten an hour: the scale fits all but the largest bars, which are clipped at its edge
     const least = quantile(
       seen.map((slot) => lo[slot]!),
-      OUTLIERS,
+      OUTLIER_SHARE,
     );
     const most = quantile(
       seen.map((slot) => hi[slot]!),
-      1 - OUTLIERS,
+      1 - OUTLIER_SHARE,
     );
     const k = height / Math.max(most - least, 1e-12);
     const within = (v: number): number => Math.min(height, Math.max(0, (most - v) * k));
@@ -141,7 +141,7 @@ export class HistoryStrip {
     const behind = w.now - w.t1;
     const say = w.live || behind < BEHIND_S ? "now" : behindWords(behind);
     const room = x.measureText(say).width + 12;
-    const step = MARK_STEPS.find((seconds) => length / seconds <= MARKS) ?? length / MARKS;
+    const step = MARK_STEPS.find((seconds) => length / seconds <= MAX_MARKS) ?? length / MAX_MARKS;
     for (let t = step; t <= length * 1.001; t += step) {
       const px = right - (t / length) * strip.width;
       x.textAlign = px - strip.left < 24 ? "left" : "center";

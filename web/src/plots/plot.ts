@@ -27,14 +27,14 @@ import { TEXT } from "../texts/plots";
 const LEGEND_HEIGHT = 26;
 /** Height of a row of the legend beside a plot, and of its title, px. */
 const [ROW_PX, ROOM_PX] = [15.5, 26];
-const LINE = 1.15;
+const LINE_PX = 1.15;
 /** Least distance of letters at the right end and of tick labels, px. */
 const LETTERS_APART = 11.5;
 const LABELS_APART = 12;
 /** No tick label is centred above this, where the title reaches under the labels, px. */
 const TITLE_PX = 25;
 /** A tick label may be set this much narrower to fit the gutter: six digits of pressure on a phone. */
-const CONDENSED = 0.68;
+const CONDENSED_WIDTH = 0.68;
 /** New samples alone redraw a window that stands still this often, ms. */
 const STILL_MS = 100;
 interface Shown {
@@ -186,7 +186,7 @@ export class Plot {
     x.beginPath();
     x.rect(w.left, this.inset(look), w.width, sheet.height);
     x.clip();
-    x.lineWidth = LINE;
+    x.lineWidth = LINE_PX;
     x.lineJoin = "bevel";
     x.lineCap = "round";
     for (const columns of new Set(shown.map((one) => one.columns))) columns.prepare(w.g0, w.g1, w.dt, w.base);
@@ -222,7 +222,7 @@ export class Plot {
     x.fillStyle = look.colour["ink-3"];
     const top = inset + (this.wideTitle && !look.narrow ? TITLE_PX : 5);
     for (const { text, y } of isWide ? [] : this.#labels(this.left, inset, top))
-      if (x.measureText(text).width * CONDENSED <= room) x.fillText(text, look.gutter - 7, y, room);
+      if (x.measureText(text).width * CONDENSED_WIDTH <= room) x.fillText(text, look.gutter - 7, y, room);
     x.fillStyle = look.colour.line;
     x.fillRect(sheet.snap(w.left) - 1, inset, 1, sheet.height);
     x.fillRect(sheet.snap(w.left + w.width), inset, 1, sheet.height);
@@ -232,7 +232,7 @@ export class Plot {
   #isWide(x: CanvasRenderingContext2D, look: Palette): boolean {
     setFont(x, look, look.small);
     const labels = this.left.labels(this.sheet.height - this.inset(look));
-    return labels.length > 0 && labels.every(({ text }) => x.measureText(text).width * CONDENSED > roomFor(look));
+    return labels.length > 0 && labels.every(({ text }) => x.measureText(text).width * CONDENSED_WIDTH > roomFor(look));
   }
 
   /** Labels of an axis over the traces, and the unit of the right one. */

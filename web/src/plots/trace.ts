@@ -14,7 +14,7 @@ import { xOf, type TimeWindow } from "./time-window";
 type Context = CanvasRenderingContext2D;
 
 /** Samples per pixel from which extremes are drawn instead of samples. */
-const DENSE = 1.5;
+const SAMPLES_PER_PX = 1.5;
 /** Samples at least this far apart, px, are marked with dots. */
 const DOTS_FROM = 9;
 /** Wraps and breaks in one pixel drawn separately; with more the quantity spins faster than the screen can show, and fills its range. */
@@ -35,7 +35,7 @@ export function yOf(v: Vertical, value: number): number {
 /** Whether the window has so many samples that extremes are drawn. */
 export function isDense(columns: PixelColumns, w: TimeWindow): boolean {
   const rows = columns.rows[w.g1 & columns.mask]! - columns.rows[w.g0 & columns.mask]!;
-  return rows > DENSE * (w.g1 - w.g0);
+  return rows > SAMPLES_PER_PX * (w.g1 - w.g0);
 }
 
 /** Add the series of column `k` of `columns` to the context's path. Returns samples' spacing in px, for dots. */

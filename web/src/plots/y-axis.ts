@@ -8,8 +8,8 @@ import { figure } from "../charts/axes";
 export type YRange = readonly [low: number, high: number];
 
 /** The narrowest range, as a part of its middle: about the resolution of a 32-bit float. */
-const NARROWEST = 1e-6;
-const WIDEST = 1e15;
+const MIN_RELATIVE_SPAN = 1e-6;
+const MAX_MAGNITUDE = 1e15;
 
 const into = (value: number, isLog: boolean): number => (isLog ? Math.log10(value) : value);
 const back = (value: number, isLog: boolean): number => (isLog ? 10 ** value : value);
@@ -34,7 +34,7 @@ export function shifted([low, high]: YRange, by: number, isLog: boolean): YRange
 function usable(next: YRange, now: YRange): YRange {
   const [low, high] = next;
   const size = Math.max(Math.abs(low), Math.abs(high));
-  return high - low > NARROWEST * size && size < WIDEST ? next : now;
+  return high - low > MIN_RELATIVE_SPAN * size && size < MAX_MAGNITUDE ? next : now;
 }
 
 /** The axis with a range that is typed; a text says what is wrong with it. */

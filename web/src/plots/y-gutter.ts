@@ -10,7 +10,7 @@ import { TEXT } from "../texts/plots";
 import "./y-axis.css";
 
 /** Change of the range per px of wheel. */
-const WHEEL = 0.0015;
+const ZOOM_PER_PX = 0.0015;
 /** One press of a key zooms by this factor, and moves by this share. */
 const [KEY_ZOOM, KEY_MOVE] = [1.25, 0.1];
 const CLICK_PX = 4;
@@ -60,7 +60,7 @@ export function yGutter(spec: GutterSpec, state: AxisState, drawn: () => DrawnAx
       if (axis === undefined || event.deltaY === 0) return;
       event.preventDefault();
       const size = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : 1;
-      set(zoomed(axis.range, Math.exp(event.deltaY * size * WHEEL), shareAt(axis, yIn(event)), axis.isLog));
+      set(zoomed(axis.range, Math.exp(event.deltaY * size * ZOOM_PER_PX), shareAt(axis, yIn(event)), axis.isLog));
     },
     { passive: false },
   );

@@ -11,7 +11,7 @@ type Span = readonly [t0: number, t1: number];
 export type Worst = 0 | 1 | 2;
 
 /** Fraction of the bars that may exceed the strip's scale: one jolt must not flatten an hour. */
-const OUTLIERS = 0.02;
+const OUTLIER_SHARE = 0.02;
 
 function slotOf(t: number, t0: number, t1: number, n: number): number {
   return Math.min(n - 1, Math.max(0, Math.floor(((t - t0) / (t1 - t0)) * n)));
@@ -37,7 +37,7 @@ export function motionOf(frame: SampleFrame, columns: readonly number[], [t0, t1
     }
   }
   const seen = [...out].filter((v) => v === v).sort((a, b) => a - b);
-  const most = seen[Math.round((seen.length - 1) * (1 - OUTLIERS))] || 1;
+  const most = seen[Math.round((seen.length - 1) * (1 - OUTLIER_SHARE))] || 1;
   return out.map((v) => Math.min(1, v / most));
 }
 

@@ -17,12 +17,12 @@ export interface StatisticsRequest {
 
 /** A window that moved or grew by no more than this fraction of its length is not requested again: its statistics look the same. */
 const UNMOVED = 0.002;
-const ALIKE = 0.05;
+const ALIKE_SHARE = 0.05;
 /** A window is requested after it has stood still for this long, ms; a moving one, this often. */
 const REST_MS = 120;
 const MOVING_MS = 500;
 /** Counting hours takes the server a moment: the next request waits this many times the last answer's duration. */
-const PAUSES = 3;
+const PAUSE_FACTOR = 3;
 const PATIENCE_MS = 3000;
 
 function same(a: StatisticsRequest, b: StatisticsRequest, part: number): boolean {
@@ -63,7 +63,7 @@ export class StatisticsFeed {
 
   /** Statistics of a column, if loaded for the requested window. */
   of(channel: number, column: number): Stats | undefined {
-    if (this.#held === undefined || this.#request === undefined || !same(this.#held.of, this.#request, ALIKE))
+    if (this.#held === undefined || this.#request === undefined || !same(this.#held.of, this.#request, ALIKE_SHARE))
       return undefined;
     const found = this.#held.columns[String(channel)]?.[column];
     return (
@@ -93,7 +93,7 @@ export class StatisticsFeed {
       const columns = await this.fetch(this.recording, request, this.#stop.signal);
       if (columns !== undefined) this.#held = { of: request, columns };
       const now = this.clock();
-      this.#notBefore = columns === undefined ? now + PATIENCE_MS : now + PAUSES * (now - began);
+      this.#notBefore = columns === undefined ? now + PATIENCE_MS : now + PAUSE_FACTOR * (now - began);
     } finally {
       this.#busy = false;
     }

@@ -18,9 +18,9 @@ export interface Bounds {
 }
 
 /** Margin on either side of the window, in windows. */
-const ROOM = 0.5;
+const MARGIN_SHARE = 0.5;
 /** Rows this much coarser than the screen look the same. */
-const COARSER = 1.3;
+const COARSER_RATIO = 1.3;
 /** Seconds of playback fetched ahead. */
 const AHEAD_S = 0.8;
 /** The server's most. */
@@ -29,8 +29,8 @@ const MAX_WIDTH = 8000;
 /** The request for the window t0…t1, `pixels` wide, played `speed` times as fast (0: it stands still). */
 export function stretchFor(t0: number, t1: number, pixels: number, speed: number, { first, last }: Bounds): Stretch {
   const span = t1 - t0;
-  const ahead = Math.max(ROOM * span, 2 * AHEAD_S * speed);
-  const from = Math.max(t0 - ROOM * span, Math.min(first, t0));
+  const ahead = Math.max(MARGIN_SHARE * span, 2 * AHEAD_S * speed);
+  const from = Math.max(t0 - MARGIN_SHARE * span, Math.min(first, t0));
   const to = Math.min(t1 + ahead, Math.max(last, t1));
   return { t0: from, t1: to, width: Math.min(MAX_WIDTH, Math.max(1, Math.ceil((pixels * (to - from)) / span))) };
 }
@@ -48,7 +48,7 @@ export function isEnough(
   if (held === undefined) return false;
   const [from, to] = [Math.max(t0, first), Math.min(t1 + AHEAD_S * speed, last)];
   if (held.t0 > from || held.t1 < to) return from >= last || to <= first; // beyond the ends there is nothing to show
-  return exact || ((held.t1 - held.t0) / held.width) * pixels <= COARSER * (t1 - t0);
+  return exact || ((held.t1 - held.t0) / held.width) * pixels <= COARSER_RATIO * (t1 - t0);
 }
 
 /** Samples around a moment, of one group of channels with similar rates. */

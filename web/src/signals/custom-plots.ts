@@ -23,7 +23,7 @@ const COLOURS = ["axis-x", "axis-y", "axis-z", "axis-n"] as const;
 const DASHES: readonly (readonly number[])[] = [[], [5, 3], [1.5, 2.5]];
 /** A plot has a left axis and a right one. */
 const MAX_UNITS = 2;
-const WEIGHT = 0.9;
+const PLOT_WEIGHT = 0.9;
 const PREFIX = "custom:";
 
 export const sameSignal = (a: SignalRef, b: SignalRef): boolean =>
@@ -102,7 +102,7 @@ function ownPlot({ id, signals }: CustomPlot, channels: readonly Channel[]): rea
       series,
       decimals: Math.max(0, ...series.filter(({ isRight }) => !isRight).map(({ decimals }) => decimals)),
       ...rightOf(key, series),
-      weight: WEIGHT,
+      weight: PLOT_WEIGHT,
       primary: false,
       group: "",
       custom: id,

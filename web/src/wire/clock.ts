@@ -7,7 +7,7 @@
  */
 
 /** Pings remembered: at one every 5 s, drift of 50 ppm moves the clocks by 4 ms in this time. */
-const KEPT = 16;
+const MAX_PINGS = 16;
 
 export class ServerClock {
   readonly #pings: { readonly offset: number; readonly rtt: number }[] = [];
@@ -21,7 +21,7 @@ export class ServerClock {
     const rtt = received - sent;
     if (!(rtt >= 0) || !Number.isFinite(server)) return; // our clock was set in between: this ping is useless
     this.#pings.push({ offset: server - (sent + received) / 2, rtt });
-    if (this.#pings.length > KEPT) this.#pings.shift();
+    if (this.#pings.length > MAX_PINGS) this.#pings.shift();
   }
 
   /** Server time minus our time, s, with its uncertainty; undefined before the first ping. */

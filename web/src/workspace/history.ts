@@ -5,7 +5,7 @@
 import type { Workspace } from "./parts";
 
 /** Steps kept. */
-const MOST = 100;
+const MAX_STEPS = 100;
 
 export class WorkspaceHistory {
   readonly #read: () => Workspace;
@@ -66,7 +66,7 @@ export class WorkspaceHistory {
   }
 
   #step(now: Workspace, text: string): void {
-    this.#past = [...this.#past, this.#present].slice(-MOST);
+    this.#past = [...this.#past, this.#present].slice(-MAX_STEPS);
     this.#future = [];
     [this.#present, this.#text] = [now, text];
   }

@@ -150,7 +150,7 @@ registerPart<readonly string[]>({
 
 /* The part of a workspace with the chosen y axes: by plot key a range, and whether it is logarithmic. */
 
-const LARGEST = 1e15;
+const MAX_ABS = 1e15;
 
 function axisOf(json: Json): YAxis | undefined {
   if (!isObject(json)) return undefined;
@@ -159,7 +159,7 @@ function axisOf(json: Json): YAxis | undefined {
   if (range === undefined) return isLog === true ? { isLog } : undefined;
   if (!Array.isArray(range) || range.length !== 2) return undefined;
   const [low, high] = range as readonly (Json | undefined)[];
-  if (!isNumber(low, -LARGEST, LARGEST) || !isNumber(high, -LARGEST, LARGEST) || low >= high) return undefined;
+  if (!isNumber(low, -MAX_ABS, MAX_ABS) || !isNumber(high, -MAX_ABS, MAX_ABS) || low >= high) return undefined;
   return isLog === true ? { range: [low, high], isLog } : { range: [low, high] };
 }
 

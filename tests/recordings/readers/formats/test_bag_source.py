@@ -216,7 +216,7 @@ def test_a_folder_that_is_no_bag_names_what_a_bag_has(tmp_path: Path) -> None:
 def test_a_row_that_claims_too_much_costs_the_rest_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """SQLite has no memory for the length of a damaged row: the whole recording was refused. Found by fuzzing."""
     [path] = ros2_bag(tmp_path / "bag").glob("*.db3")
-    monkeypatch.setattr(ros2_bag_reader, "ROWS", 100)
+    monkeypatch.setattr(ros2_bag_reader, "ROWS_PER_STEP", 100)
     connected = ros2_bag_reader._connected
 
     class Cursor:

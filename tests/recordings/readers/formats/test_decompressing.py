@@ -118,7 +118,7 @@ def test_bombs_are_refused_before_they_fill_the_disk(tmp_path: Path, monkeypatch
             open_file(path)
     with pytest.raises(RecordingError, match="times as large"):
         open_file(zipped(tmp_path / "a.zip", {"a.csv": zeros}))
-    monkeypatch.setattr(decompressing, "LARGEST", 1 << 20)
+    monkeypatch.setattr(decompressing, "MAX_UNPACKED_BYTES", 1 << 20)
     with pytest.raises(RecordingError, match="larger than 1 MB"):
         open_file(zipped(tmp_path / "b.zip", {"a.csv": np.random.default_rng(1).bytes(3 << 20)}))
     assert not list((tmp_path / "temporary").iterdir())

@@ -154,7 +154,7 @@ def test_json_that_holds_none_is_refused(text: str, words: str, tmp_path: Path) 
 
 
 def test_one_value_has_a_largest_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(json_table, "LARGEST", 1000)
+    monkeypatch.setattr(json_table, "MAX_VALUE_BYTES", 1000)
     path = tmp_path / "a.json"
     path.write_text(json.dumps(SAMPLES))
     with pytest.raises(RecordingError, match="JSON value of more than"):

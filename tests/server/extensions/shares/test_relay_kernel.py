@@ -151,7 +151,7 @@ def test_a_holder_takes_the_priority_that_it_may_have(monkeypatch: pytest.Monkey
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(os, "setpriority", lambda *arguments: calls.append(arguments))
     assert priority.raise_priority()
-    assert calls.pop() == (os.PRIO_PROCESS, 0, priority.RAISED)
+    assert calls.pop() == (os.PRIO_PROCESS, 0, priority.RAISED_NICENESS)
     monkeypatch.setattr(os, "setpriority", refuse)
     assert not priority.raise_priority()
 

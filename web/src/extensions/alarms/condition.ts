@@ -5,9 +5,9 @@ import { quoted } from "../../signals/names";
 import type { TreeRow } from "../../signals/tree-rows";
 
 /** Samples that are looked at for a limit. */
-const MOST = 200_000;
+const MAX_LIMIT_SAMPLES = 200_000;
 /** Share of the range by which a limit is beyond all values of the window. */
-const MARGIN = 0.25;
+const MARGIN_SHARE = 0.25;
 
 type Signals = Pick<TreeRow, "channel" | "columns">;
 
@@ -33,7 +33,7 @@ export function alarmCondition(row: Signals, at: CursorReading): string {
     isWhole ? Math.hypot(...measured.map((c) => ring.value(c, i))) : ring.value(first, i);
   const name = quoted(isWhole || info.columns.length === 1 ? info.name : `${info.name}.${info.columns[first]?.name}`);
   const last = Number.isFinite(at.to) ? ring.indexAt(at.to, at.base) : ring.length - 1;
-  const from = Math.max(0, ring.indexAt(at.from, at.base), last - MOST);
+  const from = Math.max(0, ring.indexAt(at.from, at.base), last - MAX_LIMIT_SAMPLES);
   const values: number[] = [];
   for (let i = from; i <= last; i++) {
     const value = valueAt(i);
@@ -58,7 +58,7 @@ export function limitOf(
   if (values.length === 0 && !Number.isFinite(pointed)) return { sign: ">", limit: 0 };
   let [least, greatest] = [Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY];
   for (const value of values) [least, greatest] = [Math.min(least, value), Math.max(greatest, value)];
-  if (!Number.isFinite(pointed)) return { sign: ">", limit: rounded(greatest + MARGIN * (greatest - least), 2) };
+  if (!Number.isFinite(pointed)) return { sign: ">", limit: rounded(greatest + MARGIN_SHARE * (greatest - least), 2) };
   const below = values.filter((value) => value < pointed).length;
   return { sign: 2 * below >= values.length ? ">" : "<", limit: rounded(pointed, 3) };
 }

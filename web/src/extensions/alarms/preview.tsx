@@ -8,9 +8,9 @@ import type { AlarmDefinition, AlarmPreview as Preview } from "../../wire/routes
 import { TEXT } from "./texts";
 
 /** Stretch of the past, s. */
-const SECONDS = 600;
+const PREVIEW_S = 600;
 /** Times that are listed. */
-const LISTED = 5;
+const MAX_LISTED = 5;
 
 /** The open recording that an alarm is judged over. */
 export interface PreviewPlace {
@@ -37,13 +37,13 @@ export function PreviewNote({ stamp, source, recorded }: Props) {
     const definition = JSON.parse(stamp) as AlarmDefinition;
     if (definition.condition.kind === "health") return undefined;
     const cancelled = new AbortController();
-    const body = { definition, source, ...(device === undefined ? { seconds: SECONDS } : { device }) };
+    const body = { definition, source, ...(device === undefined ? { seconds: PREVIEW_S } : { device }) };
     void request("POST /api/alarms/preview", { body, signal: cancelled.signal }).then((outcome) => {
       if (!cancelled.signal.aborted) found.value = outcome.ok ? outcome.value : undefined;
     });
     return () => cancelled.abort();
   }, [stamp, source, device, found]);
-  const shown = found.value?.intervals.slice(0, LISTED) ?? [];
+  const shown = found.value?.intervals.slice(0, MAX_LISTED) ?? [];
   const more = (found.value?.times ?? 0) - shown.length;
   return (
     <>

@@ -15,7 +15,7 @@ import type { WorkspaceSession } from "../../workspace/session";
 import { TEXT } from "./texts";
 
 /** As many as a server has. */
-const MOST = 1000;
+const MAX_DEFINITIONS = 1000;
 
 /** Whether an alarm is for a device, as the server decides it (server/extensions/alarms/definitions.py). */
 export function isFor({ device, product, family }: Partial<DeviceFilter>, of: DeviceInfo): boolean {
@@ -47,7 +47,7 @@ export const offeredIn = madeFor((_session: WorkspaceSession) => signal<readonly
 
 /** The alarms of a workspace that are not among the present ones. */
 export function missingAlarms(json: unknown, present: readonly AlarmInfo[]): readonly AlarmDefinition[] {
-  const given: readonly unknown[] = Array.isArray(json) ? json.slice(0, MOST) : [];
+  const given: readonly unknown[] = Array.isArray(json) ? json.slice(0, MAX_DEFINITIONS) : [];
   const named = given.filter(
     (one): boolean => isObject(one) && typeof one["name"] === "string" && isObject(one["condition"]),
   ) as unknown as readonly AlarmDefinition[];

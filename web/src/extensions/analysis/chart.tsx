@@ -33,10 +33,10 @@ interface Props {
 }
 
 const MARGINS = { left: 64, right: 12, top: 18, bottom: 40 };
-const HEIGHT = 340;
+const CHART_PX = 340;
 
 export function FigureChart({ label, curves, xKind, xTitle, xUnit, yTitle, yUnit, marks = [] }: Props) {
-  const size = useChart(MARGINS, HEIGHT);
+  const size = useChart(MARGINS, CHART_PX);
   const { area } = size;
   const pointer = useSignal<number | undefined>(undefined);
   const x = axisOf(

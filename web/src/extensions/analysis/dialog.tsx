@@ -36,7 +36,7 @@ const HEAVY_MS = 1000;
 /** Those of everything in memory change slowly. */
 const SLOW_MS = 2000;
 /** More columns than pixels show nothing more. */
-const COLUMNS = 600;
+const PLOT_COLUMNS = 600;
 
 interface Props {
   readonly deps: Deps;
@@ -155,7 +155,7 @@ function optionsOf(
   { window, length, scale, motion, temperature }: WholeChoice,
 ): Record<string, string | number> {
   if (name === "psd") return { window, length, scale };
-  if (name === "spectrogram") return { window, length, scale, overlap: 0.75, columns: COLUMNS };
+  if (name === "spectrogram") return { window, length, scale, overlap: 0.75, columns: PLOT_COLUMNS };
   return name === "allan" ? { motion, temperature } : {};
 }
 

@@ -19,11 +19,11 @@ import { TEXT } from "./texts";
 import "./bytes.css";
 
 /** Frames shown. */
-const SHOWN = 24;
+const MAX_FRAMES = 24;
 /** Lists a second while frames arrive: more cannot be read. */
 const PER_SECOND = 2;
 /** First bytes of a frame in its row. */
-const BYTES = 24;
+const MAX_BYTES = 24;
 
 interface State {
   /** Newest first. */
@@ -83,7 +83,7 @@ class Bytes {
     this.#isAsking = true;
     const { recording } = this.#deps;
     const place = { device, ...(recording ? { recording: recording.id } : {}) };
-    const outcome = await fetchFrames(place, { time, base: "arrival", beside: SHOWN });
+    const outcome = await fetchFrames(place, { time, base: "arrival", beside: MAX_FRAMES });
     this.#isAsking = false;
     if (this.#isGone || device !== this.#device || this.#isHeld.peek()) return;
     if (this.#isPressed) {
@@ -95,7 +95,7 @@ class Bytes {
           frames: outcome.value.packets
             .slice(0, outcome.value.at + 1)
             .reverse()
-            .slice(0, SHOWN),
+            .slice(0, MAX_FRAMES),
           problem: undefined,
         }
       : { ...this.#state.peek(), problem: outcome.problem };
@@ -158,7 +158,7 @@ function View({ state, isHeld, open }: ViewProps) {
               </b>
               <span class="num dim">{PACKETS.size(packet.size)}</span>
               <span class="num dim">{packet.gap_ms === null ? "" : PACKETS.gap(number(packet.gap_ms, 2))}</span>
-              <span class="mono ellipsis">{spaced(packet.hex, BYTES)}</span>
+              <span class="mono ellipsis">{spaced(packet.hex, MAX_BYTES)}</span>
             </button>
           </li>
         ))}

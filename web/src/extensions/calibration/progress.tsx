@@ -3,33 +3,33 @@ import { number } from "../../ui/format/format";
 import type { DirectionCoverage, DriveProgress, RestProgress, SixPositions } from "../../wire/routes";
 import { TEXT } from "./texts";
 
-const RADIUS = 90;
-const ROOM = 112;
+const RADIUS_PX = 90;
+const HALF_PX = 112;
 
 export function Sphere({ coverage }: { readonly coverage: DirectionCoverage }) {
-  const paths = cellPaths(coverage.rings, RADIUS);
+  const paths = cellPaths(coverage.rings, RADIUS_PX);
   const place = screenPlaceOf(coverage.now);
   const words = TEXT.coverage(number(100 * coverage.share, 0));
   return (
     <figure class="calibration-sphere">
       <div class="calibration-halves" role="img" aria-label={words}>
         {TEXT.axes.poles.map((name, half) => (
-          <svg key={name} viewBox={`${-ROOM} ${-ROOM} ${2 * ROOM} ${2 * ROOM}`} aria-hidden="true">
+          <svg key={name} viewBox={`${-HALF_PX} ${-HALF_PX} ${2 * HALF_PX} ${2 * HALF_PX}`} aria-hidden="true">
             {paths.map((path, k) => (
               <path key={path} class={coverage.seen[half * paths.length + k] ? "seen" : ""} d={path} />
             ))}
-            <text x={RADIUS + 12} y={4}>
+            <text x={RADIUS_PX + 12} y={4}>
               {TEXT.axes.right}
             </text>
-            <text x={-RADIUS - 12} y={4}>
+            <text x={-RADIUS_PX - 12} y={4}>
               {TEXT.axes.left}
             </text>
-            <text y={-RADIUS - 7}>{TEXT.axes.top}</text>
-            <text y={RADIUS + 17}>{TEXT.axes.bottom}</text>
+            <text y={-RADIUS_PX - 7}>{TEXT.axes.top}</text>
+            <text y={RADIUS_PX + 17}>{TEXT.axes.bottom}</text>
             <text class="pole" x={0} y={4}>
               {name}
             </text>
-            {place?.half === half && <circle cx={place.x * RADIUS} cy={-place.y * RADIUS} r={10} />}
+            {place?.half === half && <circle cx={place.x * RADIUS_PX} cy={-place.y * RADIUS_PX} r={10} />}
           </svg>
         ))}
       </div>

@@ -5,7 +5,7 @@ import type { ExpressionWords } from "../../wire/routes";
 import { plottable } from "../../signals/custom-plots";
 import { isComputed, isOfQuaternion, quoted } from "../../signals/names";
 
-const MOST = 8;
+const MAX_SUGGESTIONS = 8;
 /**
  * Signals that an expression may use: those of its device, but not itself, and those that other devices send. Of what the page derives
  * the server knows the Euler angles of a quaternion.
@@ -41,7 +41,7 @@ export function completionsAt(
     const start = number[1] ?? "";
     const from = caret - start.length;
     const units = (words?.units ?? []).filter((unit) => start !== "" && unit.startsWith(start) && unit !== start);
-    return units.slice(0, MOST).map((unit) => ({ label: unit, doc: "", insert: unit, from, to: caret }));
+    return units.slice(0, MAX_SUGGESTIONS).map((unit) => ({ label: unit, doc: "", insert: unit, from, to: caret }));
   }
   const word = /"[^"]*$|[\p{L}_][\w.]*$/u.exec(before)?.[0] ?? beside;
   if (word === "") return [];
@@ -55,7 +55,7 @@ export function completionsAt(
     .filter((name) => rank(name) >= 0 && name !== word)
     .sort((a, b) => Math.min(1, rank(a)) - Math.min(1, rank(b)))
     .map((name) => ({ label: name, doc: "", insert: name, from, to: caret }));
-  return [...functions.slice(0, 4), ...signals].slice(0, MOST);
+  return [...functions.slice(0, 4), ...signals].slice(0, MAX_SUGGESTIONS);
 }
 
 /** Where a mistake is: from the character that the server names to the end of the word there. */

@@ -16,7 +16,7 @@ export type TimeSpan = Pick<FileTime, "start" | "end">;
 /** Seconds shown around a step. */
 const ROOM_S = 2;
 /** Steps that are listed at once; more are behind a line. */
-const FEW = 3;
+const OPEN = 3;
 const HEADINGS = [
   [TEXT.clock, undefined],
   [TEXT.unit, undefined],
@@ -131,7 +131,7 @@ function Course({ clock, span: { start, end }, jump }: CourseProps) {
       ) : (
         steps.length > 0 && <DifferenceStrip name={clock.name} marks={marks} start={start} end={end} />
       )}
-      {steps.length > FEW ? (
+      {steps.length > OPEN ? (
         <details>
           <summary>{TEXT.stepsOf(clock.name, clock.steps_in_all)}</summary>
           <StepList clock={clock} jump={jump} />
@@ -139,7 +139,7 @@ function Course({ clock, span: { start, end }, jump }: CourseProps) {
       ) : (
         steps.length > 0 && <StepList clock={clock} jump={jump} />
       )}
-      {steps.length <= FEW && clock.steps_in_all > steps.length && <p class="dim">{TEXT.more(clock.steps_in_all)}</p>}
+      {steps.length <= OPEN && clock.steps_in_all > steps.length && <p class="dim">{TEXT.more(clock.steps_in_all)}</p>}
     </>
   );
 }
@@ -166,7 +166,7 @@ type Difference = NonNullable<FileClock["difference"]>;
 
 const [WIDTH, HEIGHT] = [1000, 60];
 /** Usual distances between parts with samples; a longer one is left blank. */
-const BLANK = 2.5;
+const BLANK_STEPS = 2.5;
 
 interface Props {
   readonly name: string;
@@ -241,7 +241,7 @@ function runsOf({ times, edges }: Difference): readonly (readonly number[])[] {
   const runs: number[][] = [];
   times.forEach((time, i) => {
     const before = times[i - 1] ?? -Infinity;
-    const isApart = time - before > BLANK * usual || edges.some((edge) => edge > before && edge <= time);
+    const isApart = time - before > BLANK_STEPS * usual || edges.some((edge) => edge > before && edge <= time);
     if (isApart || runs.length === 0) runs.push([]);
     runs.at(-1)?.push(i);
   });

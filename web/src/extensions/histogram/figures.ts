@@ -51,12 +51,12 @@ export function binsOf(figures: SignalFigures["figures"], { factor, offset, peri
 }
 
 /** Least share of samples at one extreme value that looks like a limit of the sensor. */
-const CLIPPED = 0.002;
+const MIN_CLIPPED_SHARE = 0.002;
 
 /** Samples at an extreme value that occurs so often that the signal may be clipped there; 0 if it does not. */
 export function clippedIn({ n, atMin, atMax, min, max }: Bins): number {
   if (!(max > min) || n < 1000) return 0;
-  return [atMin, atMax].filter((times) => times >= CLIPPED * n).reduce((sum, times) => sum + times, 0);
+  return [atMin, atMax].filter((times) => times >= MIN_CLIPPED_SHARE * n).reduce((sum, times) => sum + times, 0);
 }
 
 export function normal(x: number, mean: number, sigma: number): number {

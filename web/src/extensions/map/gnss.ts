@@ -12,7 +12,7 @@ import "./map.css";
 import { TEXT } from "./texts";
 
 /** Points drawn at most: a cell of 200 px resolves no more. */
-const POINTS = 400;
+const MAX_POINTS = 400;
 
 type Texts = Readonly<Record<"fix" | "lat" | "lon" | "h" | "v" | "age" | "ageUnit", LiveText>>;
 
@@ -67,7 +67,7 @@ export function mountGnss(host: HTMLElement, deps: Deps): Panel {
       const at = reading(deps);
       const i = sampleAt(position.channel, at);
       writeTexts(deps, position, i, texts);
-      const { points, here } = pathOf(position, at, i, POINTS);
+      const { points, here } = pathOf(position, at, i, MAX_POINTS);
       drawTrack(to, points, here);
     },
     dispose() {

@@ -17,10 +17,10 @@ import { type Origin, TileCache, tilesUnder } from "./tiles";
 import "./map.css";
 import { TEXT } from "./texts";
 
-const POINTS = 4000;
+const MAX_POINTS = 4000;
 /** Opacity of the map: the track must stand out. */
 const MAP_ALPHA = 0.75;
-const ZOOM = 1.5;
+const ZOOM_FACTOR = 1.5;
 const KEY_PX = 60;
 
 export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
@@ -52,8 +52,8 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
     if (shown) change({ ...shown, middle: [shown.middle[0] - du / shown.scale, shown.middle[1] + dv / shown.scale] });
   };
   const actions: readonly (readonly [label: string, help: string, act: () => void])[] = [
-    ["+", TEXT.zoomIn, () => zoom(ZOOM)],
-    ["−", TEXT.zoomOut, () => zoom(1 / ZOOM)],
+    ["+", TEXT.zoomIn, () => zoom(ZOOM_FACTOR)],
+    ["−", TEXT.zoomOut, () => zoom(1 / ZOOM_FACTOR)],
     [TEXT.fit, TEXT.fitHint, () => change(undefined)],
   ];
   for (const [label, help, act] of actions) {
@@ -73,7 +73,7 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
       if (!position) return;
       const at = reading(deps);
       const i = sampleAt(position.channel, at);
-      const { points, here, origin } = pathOf(position, at, i, POINTS);
+      const { points, here, origin } = pathOf(position, at, i, MAX_POINTS);
       shown = drawTrack(to, points, here, kept, origin && map.under(origin));
       map.drawn();
       fix.set(fixLine(position, i) || NONE);
@@ -168,9 +168,9 @@ function listen(
     ArrowRight: () => move(-KEY_PX, 0),
     ArrowUp: () => move(0, KEY_PX),
     ArrowDown: () => move(0, -KEY_PX),
-    "+": () => zoom(ZOOM),
-    "=": () => zoom(ZOOM),
-    "-": () => zoom(1 / ZOOM),
+    "+": () => zoom(ZOOM_FACTOR),
+    "=": () => zoom(ZOOM_FACTOR),
+    "-": () => zoom(1 / ZOOM_FACTOR),
     "0": fit,
   };
   canvas.addEventListener("keydown", (event) => {

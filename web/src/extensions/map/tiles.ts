@@ -9,15 +9,15 @@ import type { GridPoint, TrackView } from "./track";
 
 export const TILE_PX = 256;
 /** Tile servers rarely go deeper; a closer view enlarges these. */
-const DEEPEST = 19;
+const MAX_ZOOM = 19;
 const EQUATOR_M = 40_075_016.7;
 /** More than a screen full, an upper limit for any picture. */
 const MAX_TILES = 96;
-const KEPT = 256;
+const MAX_IMAGES = 256;
 const AT_ONCE = 6;
 const RADIAN = Math.PI / 180;
 /** Mercator's square ends here. */
-const NORTHMOST = 85.0511;
+const MAX_LATITUDE_DEG = 85.0511;
 
 export type Origin = readonly [lat: number, lon: number];
 
@@ -33,12 +33,12 @@ interface Placed {
 /** The zoom at which a tile's pixels are closest to the picture's; `scale` in px a metre. */
 export function zoomOf(scale: number, lat: number): number {
   const wanted = Math.log2((EQUATOR_M * Math.cos(lat * RADIAN) * scale) / TILE_PX);
-  return Math.min(DEEPEST, Math.max(0, Math.round(wanted)));
+  return Math.min(MAX_ZOOM, Math.max(0, Math.round(wanted)));
 }
 
 /** Column and row, not rounded, of a place at zoom `z`. */
 export function tileAt(lat: number, lon: number, z: number): readonly [x: number, y: number] {
-  const p = Math.min(NORTHMOST, Math.max(-NORTHMOST, lat)) * RADIAN;
+  const p = Math.min(MAX_LATITUDE_DEG, Math.max(-MAX_LATITUDE_DEG, lat)) * RADIAN;
   const n = 2 ** z;
   return [((lon + 180) / 360) * n, ((1 - Math.asinh(Math.tan(p)) / Math.PI) / 2) * n];
 }
@@ -124,7 +124,7 @@ export class TileCache {
     image.onerror = () => done(false);
     image.src = serverRoot() + path;
     for (const old of this.#images.keys()) {
-      if (this.#images.size <= KEPT) break;
+      if (this.#images.size <= MAX_IMAGES) break;
       this.#images.delete(old);
     }
   }

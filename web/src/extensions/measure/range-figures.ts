@@ -19,7 +19,7 @@ export interface RangeFigures {
   readonly slope: number;
   /** By the trapezoidal rule. */
   readonly integral: number;
-  /** Steps longer than GAP usual ones. */
+  /** Steps longer than GAP_STEPS usual ones. */
   readonly gaps: number;
 }
 
@@ -37,7 +37,7 @@ export const NO_FIGURES: RangeFigures = {
 };
 
 /** A step of more than this many usual ones is a gap. */
-const GAP = 1.5;
+const GAP_STEPS = 1.5;
 
 export function rangeFigures(
   ring: Ring,
@@ -106,13 +106,13 @@ function arcOf(low: number, high: number, period: number): Pick<RangeFigures, "r
   return { rms: NaN, min: wrapped(low), max: wrapped(high) };
 }
 
-/** Number of steps that are gaps: longer than GAP medians. */
+/** Number of steps that are gaps: longer than GAP_STEPS medians. */
 function gapsIn(steps: Float64Array): number {
   const sorted = steps.slice().sort();
   const middle = sorted.length >> 1;
   const usual = sorted.length % 2 === 1 ? sorted[middle]! : ((sorted[middle - 1] ?? NaN) + (sorted[middle] ?? NaN)) / 2;
   if (!(usual > 0)) return 0;
   let gaps = sorted.length;
-  while (gaps > 0 && sorted[gaps - 1]! > GAP * usual) gaps -= 1;
+  while (gaps > 0 && sorted[gaps - 1]! > GAP_STEPS * usual) gaps -= 1;
   return sorted.length - gaps;
 }

@@ -13,7 +13,7 @@ import { clock } from "../../ui/format/format";
 import "./notes.css";
 
 /** Room around a range that is shown, as a part of it. */
-const ROOM = 0.25;
+const MARGIN_SHARE = 0.25;
 const CHANGED = "changed";
 
 export function mountNotes(host: HTMLElement, deps: Deps): Panel {
@@ -62,7 +62,7 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   useLayoutEffect(() => field.current?.focus(), [isEditing]);
   const first = deps.recording ? (actions.bounds()?.first ?? started.value) : started.value;
   const go = (t0: number, t1: number | undefined): void => {
-    if (t1 !== undefined) actions.select(t0 - ROOM * (t1 - t0), t1 + ROOM * (t1 - t0));
+    if (t1 !== undefined) actions.select(t0 - MARGIN_SHARE * (t1 - t0), t1 + MARGIN_SHARE * (t1 - t0));
     else if (!deps.jump) actions.centreAt(t0);
     deps.jump?.({ t0, t1: t1 ?? t0 });
     actions.pinInView(t0);

@@ -18,7 +18,7 @@ import { madeFor } from "../../page/app-state";
 import "./traffic.css";
 
 /** The newest entries on screen; older ones are loaded by hand. */
-const SHOWN = 400;
+const MAX_ROWS = 400;
 const BYTES_SHOWN = 14;
 
 /** Search in the log. */
@@ -104,7 +104,7 @@ function Log({ model, wanted: { text: filter, direction } }: { readonly model: M
     .filter(
       (entry) => (direction.value === "all" || entry.direction === direction.value) && matches(entry, filter.value),
     )
-    .slice(-SHOWN);
+    .slice(-MAX_ROWS);
   useLayoutEffect(() => {
     if (follows.current && box.current) box.current.scrollTop = box.current.scrollHeight;
   });

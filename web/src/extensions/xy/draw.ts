@@ -7,12 +7,12 @@ import type { Pairs } from "./pairs";
 
 const [LEFT, BOTTOM, TOP, RIGHT] = [60, 36, 22, 14];
 /** Steps of colour, or of opacity. */
-const STEPS = 40;
+const COLOUR_STEPS = 40;
 /** Ends of the colours, as shares of their scale: the oldest is nearest to the background, and still stands out. */
 const COLOURS = { dark: [0.32, 1], light: [0.72, 0.04] } as const;
 /** Opacity of the oldest part of a trail. */
-const FAINTEST = 0.12;
-const LINE = 1.2;
+const MIN_ALPHA = 0.12;
+const LINE_PX = 1.2;
 const POINT_PX = 2.5;
 /** Nearer pairs are one point, px. */
 const SAME_PX = 0.6;
@@ -123,23 +123,23 @@ function drawGrid(
 function drawPairs(x: CanvasRenderingContext2D, of: Drawing, place: PlacedSample): void {
   const { pairs, t0, t1, isTrail, isPoints } = of;
   const { time, x: xs, y: ys, starts } = pairs;
-  const step = STEPS / Math.max(t1 - t0, 1e-9);
+  const step = COLOUR_STEPS / Math.max(t1 - t0, 1e-9);
   const faded = of.isOld ? 0.6 : 1;
   const [light, trail] = [isLight(), css("--axis-z")];
-  x.lineWidth = LINE;
+  x.lineWidth = LINE_PX;
   x.lineJoin = "bevel";
   x.lineCap = "round";
   let [bin, px, py] = [-1, NaN, NaN];
   for (let k = 0; k < time.length; k++) {
-    const now = Math.min(STEPS - 1, Math.max(0, Math.floor((time[k]! - t0) * step)));
+    const now = Math.min(COLOUR_STEPS - 1, Math.max(0, Math.floor((time[k]! - t0) * step)));
     const [u, v] = [place.x(xs[k]!), place.y(ys[k]!)];
     const isStart = k === 0 || starts[k] === 1;
     if (now !== bin) {
       if (!isPoints && bin >= 0) x.stroke();
       bin = now;
-      const share = bin / (STEPS - 1);
+      const share = bin / (COLOUR_STEPS - 1);
       x.strokeStyle = x.fillStyle = isTrail ? trail : timeColour(share, light);
-      x.globalAlpha = faded * (isTrail ? FAINTEST + share * (1 - FAINTEST) : 1);
+      x.globalAlpha = faded * (isTrail ? MIN_ALPHA + share * (1 - MIN_ALPHA) : 1);
       x.beginPath();
       if (!isStart) x.moveTo(px, py);
     } else if (!isStart && Math.abs(u - px) + Math.abs(v - py) < SAME_PX) continue;

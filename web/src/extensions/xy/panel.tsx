@@ -27,7 +27,7 @@ import "./xy.css";
  * followed every frame.
  */
 const PER_SECOND = 5;
-const COLOURS = 6;
+const COLOUR_COUNT = 6;
 
 interface Shown {
   readonly x: Found;
@@ -265,7 +265,7 @@ class XyPlot {
   }
 
   #colourKey(): void {
-    const stops = Array.from({ length: COLOURS }, (_, k) => timeColour(k / (COLOURS - 1)));
+    const stops = Array.from({ length: COLOUR_COUNT }, (_, k) => timeColour(k / (COLOUR_COUNT - 1)));
     const bar = el("i");
     bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
     this.#key.replaceChildren(TEXT.earlier, bar, TEXT.later);

@@ -20,7 +20,7 @@ import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
 
 /** Snapshots of writes in the sidebar, beside named ones; Compare has all. */
-const LISTED = 5;
+const MAX_LISTED = 5;
 
 export function ConfigureRail({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
   const { sheet } = app;
@@ -206,7 +206,7 @@ function GoBack({ model, close }: Props) {
         </a>
       </div>
       <nav class="categories" aria-label={TEXT.snapshots}>
-        {listed(model.snapshots.value, LISTED).map((snapshot) => (
+        {listed(model.snapshots.value, MAX_LISTED).map((snapshot) => (
           <a
             key={snapshot.name}
             href={linkTo(model, "compare", snapshot.name)}
@@ -228,10 +228,10 @@ function GoBack({ model, close }: Props) {
   );
 }
 
-const DAY = 86_400;
+const DAY_S = 86_400;
 
 /** "14:31:05" today, "18 Nov" before. UTC, as every time on the page. */
 export function when({ taken }: Pick<SnapshotInfo, "taken">): string {
-  if (Date.now() / 1000 - taken < DAY) return clock(taken).slice(0, 8);
+  if (Date.now() / 1000 - taken < DAY_S) return clock(taken).slice(0, 8);
   return dayWords(taken);
 }

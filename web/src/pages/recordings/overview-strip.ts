@@ -16,7 +16,7 @@ import { span as spanOf } from "../../ui/format/format";
 import { TEXT } from "../../texts/recordings";
 
 /** Parts of the recording: more than a strip has pixels of bars. */
-const PARTS = 900;
+const STRIP_PARTS = 900;
 const LOSS_PX = 2;
 const FLAGS_PX = 18;
 const AXIS_PX = 20;
@@ -65,7 +65,7 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
     if (channels.length === 0) return;
     const answer = await fetchWindow(
       replay.detail.info.id,
-      { t0: first, t1: last, width: PARTS, base: "device", channels },
+      { t0: first, t1: last, width: STRIP_PARTS, base: "device", channels },
       stop.signal,
     ).catch(() => undefined);
     if (answer === undefined || "message" in answer || of !== device) return;
@@ -73,9 +73,9 @@ export function mountOverview(host: HTMLElement, replay: ReplayController): Pane
     const frameOf = (id: number) => frames.find(({ channel }) => channel === id);
     rows = moving.flatMap(({ title, id, columns }) => {
       const frame = frameOf(id);
-      return frame ? [{ title, motion: motionOf(frame, columns, [first, last], PARTS) }] : [];
+      return frame ? [{ title, motion: motionOf(frame, columns, [first, last], STRIP_PARTS) }] : [];
     });
-    worst = new Uint8Array(PARTS);
+    worst = new Uint8Array(STRIP_PARTS);
     for (const info of status) {
       const frame = frameOf(info.id);
       if (frame) worstOf(info, frame, [first, last], worst);
@@ -194,7 +194,7 @@ function drawRows(
   at: At,
 ): void {
   const tall = (bottom - top) / Math.max(1, rows.length);
-  const step = width / PARTS;
+  const step = width / STRIP_PARTS;
   const [a, b] = [at(t0), at(t1)];
   const whole = t0 <= first && t1 >= last;
   rows.forEach(({ title, motion }, k) => {
@@ -216,7 +216,7 @@ function drawRows(
 function drawStatus(x: X, look: Palette, { worst, left, width }: Scene, y: number): void {
   x.fillStyle = look.colour["bg-hover"];
   x.fillRect(left, y, width, STATUS_PX - 4);
-  const step = width / PARTS;
+  const step = width / STRIP_PARTS;
   worst.forEach((level, i) => {
     if (level === 0) return;
     x.fillStyle = look.colour[level === 2 ? "status-bad" : "status-warn"];

@@ -33,7 +33,7 @@ export interface ComparePlace {
   readonly offset?: number;
 }
 
-const DIGITS = 6;
+const URL_DIGITS = 6;
 const LIVE_S = 30;
 
 export const isComparison = ({ page, recording, query = "" }: Route): boolean =>
@@ -73,15 +73,15 @@ export function comparisonHref({ a, b, signal, signalB, offset }: ComparePlace):
   const put = (name: string, of: SideChoice): void => {
     given.set(name, of.source);
     if (of.device) given.set(`${name}d`, of.device);
-    if (of.begin !== undefined) given.set(`${name}0`, of.begin.toFixed(DIGITS));
-    if (of.end !== undefined) given.set(`${name}1`, of.end.toFixed(DIGITS));
+    if (of.begin !== undefined) given.set(`${name}0`, of.begin.toFixed(URL_DIGITS));
+    if (of.end !== undefined) given.set(`${name}1`, of.end.toFixed(URL_DIGITS));
     if (of.last !== undefined) given.set(`${name}l`, String(of.last));
   };
   put("a", a);
   if (b) put("b", b);
   if (signal) given.set("signal", signal);
   if (signalB) given.set("signalb", signalB);
-  if (offset !== undefined) given.set("offset", offset.toFixed(DIGITS));
+  if (offset !== undefined) given.set("offset", offset.toFixed(URL_DIGITS));
   return `#/recordings?${given}`;
 }
 

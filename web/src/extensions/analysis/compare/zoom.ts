@@ -5,9 +5,9 @@ export type Ends = readonly [from: number, to: number];
 /** The shortest range, as a share of everything: the outlines have no more points. */
 const SHORTEST = 1 / 400;
 /** Change of the length per px of wheel, as on the plots. */
-const WHEEL = 0.0015;
+const ZOOM_PER_PX = 0.0015;
 /** Change of the length per key. */
-const KEY = 1.5;
+const ZOOM_PER_KEY = 1.5;
 
 const within = ([from, to]: Ends, [first, last]: Ends): Ends => {
   const length = Math.min(to - from, last - first);
@@ -36,13 +36,13 @@ export function wheeled(
   at: number,
 ): Ends {
   if (shiftKey || Math.abs(deltaX) > Math.abs(deltaY)) return panned(shown, all, (deltaX || deltaY) / 800);
-  return zoomedRange(shown, all, Math.exp(WHEEL * deltaY), at);
+  return zoomedRange(shown, all, Math.exp(ZOOM_PER_PX * deltaY), at);
 }
 
 /** What a key does; undefined: it is no key of zooming. */
 export function keyed(shown: Ends, all: Ends, key: string): Ends | undefined {
-  if (key === "+" || key === "=") return zoomedRange(shown, all, 1 / KEY, 0.5);
-  if (key === "-" || key === "−") return zoomedRange(shown, all, KEY, 0.5);
+  if (key === "+" || key === "=") return zoomedRange(shown, all, 1 / ZOOM_PER_KEY, 0.5);
+  if (key === "-" || key === "−") return zoomedRange(shown, all, ZOOM_PER_KEY, 0.5);
   if (key === "f" || key === "0") return all;
   return undefined;
 }

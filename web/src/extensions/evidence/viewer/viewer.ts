@@ -9,7 +9,7 @@ import { difference, measured, nearestRow, valuesAt, readingText, stepped } from
 
 type CursorName = "a" | "b";
 const LEAST_SPAN_S = 1e-5;
-const HEIGHT = 168;
+const PLOT_PX = 168;
 /** Size on paper, px: texts are as large as on the screen. */
 const PAPER = { width: 720, height: 150, ratio: 3 };
 
@@ -165,7 +165,7 @@ export class EvidenceViewer {
     for (const { plot, canvas } of this.#drawn) {
       const size = this.#isPaper
         ? PAPER
-        : { width: canvas.clientWidth, height: HEIGHT, ratio: globalThis.devicePixelRatio || 1 };
+        : { width: canvas.clientWidth, height: PLOT_PX, ratio: globalThis.devicePixelRatio || 1 };
       const x = canvas.getContext("2d");
       if (x === null || size.width < 100) continue;
       canvas.width = Math.round(size.width * size.ratio);
@@ -278,7 +278,7 @@ export class EvidenceViewer {
 
 const SLACK_PX = 5;
 const NEAR_PX = 9;
-const STEP = 1.0015; // of zoom for each pixel of the wheel
+const ZOOM_PER_PX = 1.0015; // of zoom for each pixel of the wheel
 
 /** Wheel, dragging and pinching over a plot: zoom and move; a click or a dragged handle sets a cursor. */
 function listenTo(canvas: HTMLCanvasElement, viewer: EvidenceViewer, plot: number): void {
@@ -296,7 +296,7 @@ function listenTo(canvas: HTMLCanvasElement, viewer: EvidenceViewer, plot: numbe
       event.preventDefault();
       if (event.shiftKey || Math.abs(event.deltaX) > Math.abs(event.deltaY))
         viewer.pan((event.deltaX || event.deltaY) / 800);
-      else viewer.zoom(STEP ** event.deltaY, fraction(event.clientX));
+      else viewer.zoom(ZOOM_PER_PX ** event.deltaY, fraction(event.clientX));
     },
     { passive: false },
   );

@@ -27,11 +27,11 @@ export function cellText(value: AnswerCell): string {
   return typeof value === "object" ? JSON.stringify(value) : String(value);
 }
 
-const DIGITS = 6;
+const SHOWN_DIGITS = 6;
 
 export function shownCell(value: AnswerCell): string {
   if (typeof value !== "number" || Number.isInteger(value)) return cellText(value).replace("-", "-");
-  return String(Number(value.toPrecision(DIGITS)));
+  return String(Number(value.toPrecision(SHOWN_DIGITS)));
 }
 
 /** Rows as CSV, RFC 4180. */

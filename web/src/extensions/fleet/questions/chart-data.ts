@@ -134,22 +134,19 @@ function numberOf(value: AnswerCell): number {
   return typeof value === "number" ? value : typeof value === "string" && value !== "" ? Number(value) : NaN;
 }
 
-const PAD = 0.03;
+const PAD_SHARE = 0.03;
 
 function padded({ kind, low, high }: Axis): Axis {
-  const more = (high - low) * PAD;
+  const more = (high - low) * PAD_SHARE;
   return { kind, low: low - more, high: high + more };
 }
 
-const LONGEST = 14;
+const LABEL_CHARS = 14;
 
 function wordTicks(words: readonly string[], { low, high }: Axis, most: number): readonly Tick[] {
   const every = Math.max(1, Math.ceil(words.length / most));
-  return words.flatMap((word, at) =>
-    at % every === 0
-      ? [{ at: (at - low) / (high - low), text: word.length > LONGEST ? `${word.slice(0, LONGEST - 1)}…` : word }]
-      : [],
-  );
+  const text = (word: string) => (word.length > LABEL_CHARS ? `${word.slice(0, LABEL_CHARS - 1)}…` : word);
+  return words.flatMap((word, at) => (at % every === 0 ? [{ at: (at - low) / (high - low), text: text(word) }] : []));
 }
 
 const [MINUTE, HOUR, DAY] = [60, 3600, 86_400];

@@ -11,7 +11,7 @@ import { TEXT } from "./texts";
 /** Least room of a figure along each axis, px. */
 const ROOM = [80, 40] as const;
 const MARGINS = { left: 72, right: 16, top: 16, bottom: 40 };
-const DRAWN = 20_000;
+const MAX_POINTS = 20_000;
 const NEAR_PX = 24;
 
 interface Props {
@@ -26,7 +26,7 @@ export function AnswerPlot({ state, answer }: Props) {
   const choice = state.choice.value;
   if (!choice) return <p class="answer-none dim">{TEXT.noNumbers}</p>;
   const { columns } = answer;
-  const rows = answer.rows.slice(0, DRAWN);
+  const rows = answer.rows.slice(0, MAX_POINTS);
   const picture = pictureOf(columns, rows, choice);
   const nameOf = (at: number): string => columns[at]?.name ?? "";
   const all = picture?.groups.flatMap(({ points }) => points) ?? [];

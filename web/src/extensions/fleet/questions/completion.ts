@@ -2,7 +2,7 @@
 import type { Completion } from "../../../ui/completion/use-completion";
 import type { QueryWords } from "../../../wire/routes";
 
-const MOST = 8;
+const MAX_SUGGESTIONS = 8;
 const KEYWORDS = (
   "SELECT FROM WHERE GROUP BY ORDER BY LIMIT JOIN LEFT JOIN USING HAVING DISTINCT AS AND OR NOT IN IS NULL BETWEEN LIKE CASE WHEN THEN ELSE END " +
   "DESC ASC UNION ALL WITH OVER PARTITION BY FILTER NULLS LAST CAST INTERVAL DATE TIMESTAMP TRUE FALSE"
@@ -89,7 +89,7 @@ function matching(offers: readonly Offer[], word: string): readonly Offer[] {
 }
 
 function taken(offers: readonly Offer[], word: string, caret: number): readonly Completion[] {
-  return offers.slice(0, MOST).map((one) => ({ ...one, from: caret - word.length, to: caret }));
+  return offers.slice(0, MAX_SUGGESTIONS).map((one) => ({ ...one, from: caret - word.length, to: caret }));
 }
 
 /** Offset of a mistake in the text, by the words of the server: "Line 2, column 5: …". */

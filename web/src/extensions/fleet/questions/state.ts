@@ -44,7 +44,7 @@ export interface Questions {
 
 export const ROWS = 20_000;
 const ASK_AGAIN_MS = 1000;
-const KEPT = 30;
+const MAX_QUESTIONS = 30;
 const HISTORY = "imuscope.questions";
 const LONGEST_LINK = 6000;
 
@@ -155,7 +155,7 @@ export function questionLink(text: string): string {
 }
 
 function remembered(text: string, before: readonly string[]): readonly string[] {
-  const kept = [text, ...before.filter((one) => one !== text)].slice(0, KEPT);
+  const kept = [text, ...before.filter((one) => one !== text)].slice(0, MAX_QUESTIONS);
   writeHistory(kept);
   return kept;
 }

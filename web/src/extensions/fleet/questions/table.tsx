@@ -9,8 +9,8 @@ import { TEXT } from "./texts";
 
 const ROW_PX = 30;
 const TOUCH_ROW_PX = 44;
-const BEYOND = 6;
-const MEASURED = 200;
+const OVERSCAN_ROWS = 6;
+const MEASURED_ROWS = 200;
 const [NARROWEST, WIDEST] = [7, 42];
 const FIRST_HIGH_PX = 480;
 
@@ -35,8 +35,8 @@ export function AnswerTable({ state, answer, open }: Props) {
   useEffect(() => {
     if (host.current) host.current.scrollTop = 0;
   }, [answer]);
-  const first = Math.max(0, Math.floor(top.value / rowPx) - BEYOND);
-  const shown = rows.value.slice(first, first + Math.ceil(high.value / rowPx) + 2 * BEYOND);
+  const first = Math.max(0, Math.floor(top.value / rowPx) - OVERSCAN_ROWS);
+  const shown = rows.value.slice(first, first + Math.ceil(high.value / rowPx) + 2 * OVERSCAN_ROWS);
   const columns = `${widths(answer)
     .map((n) => `${n}ch`)
     .join(" ")} minmax(0, 1fr)`;
@@ -126,7 +126,7 @@ function Line({ at, row, answer, rowPx, open }: LineProps) {
 
 /** Widths of the columns in characters, by their first rows. */
 function widths({ columns, rows }: QueryAnswer): readonly number[] {
-  const sample = rows.slice(0, MEASURED);
+  const sample = rows.slice(0, MEASURED_ROWS);
   return columns.map(({ name }, at) => {
     const longest = Math.max(name.length + 2, ...sample.map((row) => shownCell(row[at]).length));
     return Math.min(WIDEST, Math.max(NARROWEST, longest + 3));

@@ -20,7 +20,7 @@ export type ConditionName =
   | "acknowledged";
 
 /** A device is slow below this share of the rate that it is configured for. */
-const SLOW = 0.9;
+const SLOW_SHARE = 0.9;
 /** Free space at which a recording can soon not be continued, bytes. */
 const LITTLE_FREE = 2e9;
 
@@ -37,7 +37,7 @@ export const isLosing = ({ loss }: RobotDevice): boolean => (loss ?? 0) > 0;
 /** Whether it has a receiver of satellites that does not know where it is. */
 export const hasNoFix = ({ fix }: RobotDevice): boolean => /^(no\b|none\b|invalid)/i.test(fix);
 export const isSlow = ({ status, rate, expected_rate: expected }: RobotDevice): boolean =>
-  status === "live" && expected !== null && rate < SLOW * expected;
+  status === "live" && expected !== null && rate < SLOW_SHARE * expected;
 export const hasLittleFree = ({ disk_free_bytes: free }: RobotSummary): boolean => free !== null && free < LITTLE_FREE;
 
 interface Condition {

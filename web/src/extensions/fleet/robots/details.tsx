@@ -236,13 +236,13 @@ function Fact({
 }
 
 /** How many events of a robot are shown. */
-const NEWEST = 30;
+const MAX_EVENTS = 30;
 
 function RobotEvents({ name }: { readonly name: string }) {
   const events = useSignal<readonly FleetEvent[] | undefined>(undefined);
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const load = async (): Promise<void> => {
-    const outcome = await request("GET /api/fleet/events", { query: { robot: name, limit: NEWEST } });
+    const outcome = await request("GET /api/fleet/events", { query: { robot: name, limit: MAX_EVENTS } });
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) events.value = outcome.value;
   };

@@ -13,7 +13,7 @@ import { Robots } from "./robots";
 const ASK_MS = 1000;
 const HIDDEN_MS = 10_000;
 /** Failed requests after which the server counts as away. */
-const FAILURES = 2;
+const MAX_FAILURES = 2;
 /** The list takes a new order at most this often, ms. */
 export const ORDER_MS = 5000;
 /** A list that was scrolled, or moved through with keys, keeps its order for this long, ms. */
@@ -110,7 +110,7 @@ export class Fleet {
     this.#failed = outcome.ok ? 0 : this.#failed + 1;
     batch(() => {
       this.problem.value = outcome.ok ? undefined : outcome.problem;
-      this.isCut.value = this.#failed >= FAILURES || this.isRefused;
+      this.isCut.value = this.#failed >= MAX_FAILURES || this.isRefused;
     });
   }
 

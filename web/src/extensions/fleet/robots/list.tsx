@@ -17,12 +17,12 @@ import { TEXT } from "./texts";
 import { number } from "../../../ui/format/format";
 import { rowProperties } from "./roles";
 
-const HEIGHT = 32;
+const ROW_PX = 32;
 const PHONE_HEIGHT = 64;
-const HEAD = 28;
-/** Rows in the document beyond those in view, on each side; the window of rows moves by as many as STEP. */
-const BEYOND = 8;
-const STEP = 5;
+const HEAD_PX = 28;
+/** Rows in the document beyond those in view, on each side; the window of rows moves by as many as STEP_ROWS. */
+const OVERSCAN_ROWS = 8;
+const STEP_ROWS = 5;
 
 const keyOf = (line: Line): string =>
   line.kind === "group" ? `g ${line.title}` : line.kind === "robot" ? `r ${line.name}` : `d ${line.index} ${line.name}`;
@@ -33,8 +33,8 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
   const first = useSignal(0);
   const room = useSignal(600);
   const active = useSignal<string | undefined>(undefined);
-  const height = isPhone ? PHONE_HEIGHT : HEIGHT;
-  const head = isPhone ? 0 : HEAD;
+  const height = isPhone ? PHONE_HEIGHT : ROW_PX;
+  const head = isPhone ? 0 : HEAD_PX;
 
   useLayoutEffect(() => {
     const element = box.current;
@@ -48,7 +48,7 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
   const lines = fleet.lines.value;
   const activeIndex = useComputed(() => fleet.lines.value.findIndex((line) => keyOf(line) === active.value)).value;
   const from = Math.max(0, Math.min(first.value, lines.length - 1));
-  const pool = Math.ceil(room.value / height) + 2 * BEYOND + STEP;
+  const pool = Math.ceil(room.value / height) + 2 * OVERSCAN_ROWS + STEP_ROWS;
   const to = Math.min(lines.length, from + pool);
 
   const isScrolled = useRef(false);
@@ -56,7 +56,7 @@ export function List({ fleet }: { readonly fleet: Fleet }) {
     const top = box.current?.scrollTop ?? 0;
     isScrolled.current = top > 0;
     const at = Math.floor(top / height);
-    first.value = Math.max(0, Math.floor((at - BEYOND) / STEP) * STEP);
+    first.value = Math.max(0, Math.floor((at - OVERSCAN_ROWS) / STEP_ROWS) * STEP_ROWS);
     fleet.disturb();
   };
   // a choice of other robots begins at the top

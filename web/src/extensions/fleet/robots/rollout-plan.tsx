@@ -15,9 +15,9 @@ import { TEXT } from "./rollout-texts";
 const WAVES = "1, 5, 25 %";
 const WATCH_S = 10;
 /** Robots that are named of those with the same changes. */
-const NAMED = 6;
+const MAX_NAMED = 6;
 /** Waves whose sizes are listed. */
-const LISTED = 12;
+const MAX_LISTED = 12;
 
 interface Props {
   readonly robot: string;
@@ -149,8 +149,8 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
 }
 
 function sizesOf(waves: readonly number[]): string {
-  const first = waves.slice(0, LISTED).join(", ");
-  return waves.length > LISTED ? TEXT.manySizes(first, waves.length) : TEXT.sizes(first);
+  const first = waves.slice(0, MAX_LISTED).join(", ");
+  return waves.length > MAX_LISTED ? TEXT.manySizes(first, waves.length) : TEXT.sizes(first);
 }
 
 interface ChangesProps {
@@ -159,8 +159,8 @@ interface ChangesProps {
 }
 
 function Changes({ changes, devices }: ChangesProps) {
-  const named = devices.slice(0, NAMED).map(({ robot }) => robot);
-  const others = devices.slice(NAMED).map(({ robot }) => robot);
+  const named = devices.slice(0, MAX_NAMED).map(({ robot }) => robot);
+  const others = devices.slice(MAX_NAMED).map(({ robot }) => robot);
   return (
     <section>
       <h3>
