@@ -33,7 +33,7 @@ from imuscope.protocols.commands.transactions import (
     Transaction,
     Values,
 )
-from imuscope.protocols.events import Batch, Event, Reply
+from imuscope.protocols.events import Batch, Reply
 from imuscope.protocols.messages.family import NAME as MESSAGES
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.schema.fields import Setting
@@ -149,7 +149,6 @@ class DeviceController:
         self.unfinished: dict[str, str] = {}  # command → text on unfinished work that a change of state discards
         self.pending_rollback: PendingRollback | None = None
         self.cut_off: Mapping[str, Values] = {}  # values being written when the device was cut off, until it is read
-        self._sampled_at = self._sample_s = 0.0  # unix s, its newest sample, and the time since the one before
         self.answer: asyncio.Event = asyncio.Event()  # set when the pending rollback is answered
         self.is_change_confirmed = False
         self._queue: deque[RunningJob] = deque()
@@ -159,7 +158,7 @@ class DeviceController:
         self._stopping: asyncio.Task[None] | None = None
         self._is_closed = False
         self._next_job = 1
-        self._off = member.listen(self._on_traffic)
+        self._off = member.listen_to_news(self._on_news)
         self._off_replaced = member.state.replaced.add(lambda before: self._forget())
         member.listeners.before_close(self.close)
 
@@ -193,7 +192,7 @@ class DeviceController:
             device=info.serial_number if _is_named(info.protocol) else "" if address is None else str(address),
             settings=self.member.link_session.decode_options.settings(info.protocol),
             at_rest=self.at_rest,
-            sample_s=self._sample_s,
+            sample_s=self.member.stats.batch_interval,
         )
 
     @property
@@ -423,40 +422,42 @@ class DeviceController:
         """Publish the state after a change."""
         self.bus.jobs.publish(self.job_report)
 
-    def _on_traffic(self, event: Event) -> None:
-        self.log.on_received(event)
+    def _on_news(self, event: Batch | Reply) -> None:
         if isinstance(event, Reply):
+            self.log.on_received(event)
             self._keep_header(event)
-        if isinstance(event, Batch | Reply):
-            if isinstance(event, Batch):
-                self._report_restart()
-                self._sample_s, self._sampled_at = self.bus.now() - self._sampled_at, self.bus.now()
-            try:
-                driver = self.driver
-            except ControlError:
-                return
-            states = driver.states
-            if event.message.name in driver.begins:
-                self.rest(False)
-                if self.unfinished:
-                    self.unfinished = {}
-                    self.notify()
-            state = states.get(event.message.name, self.state)
-            if state != self.state:
-                self.state = state
-                self.rest(self.at_rest and state == AT_REST)
-                if not self.at_rest and self._running is None:
-                    self._explain_rest(state == AT_REST, ANOTHER_PROGRAM)
+        else:
+            self._report_restart()
+        try:
+            driver = self.driver
+        except ControlError:
+            return
+        if event.message.name in driver.begins:
+            self.rest(False)
+            if self.unfinished:
+                self.unfinished = {}
                 self.notify()
+        state = driver.states.get(event.message.name, self.state)
+        if state != self.state:
+            self.state = state
+            self.rest(self.at_rest and state == AT_REST)
+            if not self.at_rest and self._running is None:
+                self._explain_rest(state == AT_REST, ANOTHER_PROGRAM)
+            self.notify()
 
     def restarts(self, title: str) -> None:
         """Note that a job restarts the device: the pause is reported at its first sample afterwards."""
-        self._restarted = title, self._sampled_at, self.bus.now()
+        self._restarted = title, self.member.stats.last_batch, self.bus.now()
+        self.member.expect_samples()
 
     def _report_restart(self) -> None:
         title, last, since = self._restarted
+        if not title or self.driver.ends_rest:
+            return
         now = self.bus.now()
-        if title and now - max(self._sampled_at, since) > RESTART_S and not self.driver.ends_rest:
+        if min(self.member.stats.batch_interval, now - since) <= RESTART_S:
+            self.member.expect_samples()  # these were on their way
+        else:
             self._restarted = "", 0.0, 0.0
             text = f"No samples for {now - last:.1f} s: imuscope had restarted the device (“{title}”)."
             self.bus.event(self.device, "device", "info", text, span=(last, now))

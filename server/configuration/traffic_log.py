@@ -127,10 +127,9 @@ class TrafficLog:
         self._log_repeats()
         self._add("note", "", b"", text, level="error" if error else "info")
 
-    def on_received(self, event: Event) -> None:
-        """Take an event of the decoder. It is logged later, when all listeners have had the chance to match it."""
-        if isinstance(event, Reply):
-            self._append(event, answers=False)
+    def on_received(self, reply: Reply) -> None:
+        """Take a reply of the device. It is logged later, when all listeners have had the chance to match it."""
+        self._append(reply, answers=False)
 
     def matched(self, event: Event) -> None:
         """Mark an event as the answer to the last request."""

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from imuscope.protocols.commands.transactions import DeviceRejectedError, NoReplyError
-from imuscope.protocols.events import Event, Reply
+from imuscope.protocols.events import Batch, Reply
 from imuscope.protocols.family.info import LogHeader
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.server.configuration.device_controller import ControlError, DeviceController, JobError, RunningJob
@@ -31,7 +31,7 @@ class LogHeaderRequest:
         self._controller = controller
         self._on_result = on_result
         self._requested = self._is_known = False
-        self._unsubscribe = controller.member.listen(self._on_bytes)
+        self._unsubscribe = controller.member.listen_to_news(self._on_news)
         if controller.header:
             self._is_known = True
             on_result(controller.header)
@@ -88,7 +88,7 @@ class LogHeaderRequest:
         self._controller.bus.event(self._controller.device, "device", "warning", words)
         return words
 
-    def _on_bytes(self, event: Event) -> None:
+    def _on_news(self, event: Batch | Reply) -> None:
         header = self._header() if isinstance(event, Reply) else None
         if isinstance(event, Reply) and header is not None and event.message.id in header.frames:
             frame = self._controller.member.access.bytes_at(event.offset, event.size)

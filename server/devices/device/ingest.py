@@ -230,7 +230,7 @@ class Ingest:
             dated = zip(batches, times, self._dating.utc_of(batches, steps), strict=True)
             archive.keep_clocks(self._channels.device, list(dated))
         for batch, time in zip(batches, times, strict=True):
-            self._stats.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
+            self._stats.count_batch(batch)
             self.samples += len(batch)
             self._stats.count_numbered(batch, self._traits.stream)
             self._unknown_payloads.batch(batch, time)

@@ -36,6 +36,7 @@ class LinkStatistics:
         self.left_out_at = float("-inf")  # time of the last drop, unix s
         self.last_arrival: float | None = None  # of bytes
         self.last_sample: float | None = None  # of a decoded message
+        self.last_batch = self.batch_interval = 0.0  # arrival of the newest samples, unix s, and since those before, s
         self.latency = Histogram(LATENCIES_S)  # s
         self._waiting_since: float | None = None
 
@@ -61,6 +62,14 @@ class LinkStatistics:
             meter = self.messages.setdefault(message, RateMeter())
         meter.add(count, now)
         self.last_sample = max(now, self.last_sample or now)
+
+    def count_batch(self, batch: Batch) -> None:
+        """Count a batch of samples."""
+        arrival = float(batch.arrival_ns[-1]) / 1e9
+        self.samples(batch.message.name, len(batch), arrival)
+        if arrival > self.last_batch:  # not another message of the same chunk
+            self.batch_interval = arrival - self.last_batch if self.last_batch else 0.0
+            self.last_batch = arrival
 
     def count_numbered(self, batch: Batch, stream: StreamTraits) -> None:
         """Count samples that the counter of their device numbers. Several batches of the same frames count once."""

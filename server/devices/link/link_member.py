@@ -8,10 +8,11 @@ A device controller (server/configuration/device_controller.py) uses every devic
 
 from collections.abc import Callable
 
-from imuscope.protocols.events import Event
+from imuscope.protocols.events import Batch, Event, Reply
 from imuscope.server import wire
 from imuscope.server.devices.device.device_demux import LinkDevice, QuietReason
 from imuscope.server.devices.device.device_state import DeviceState
+from imuscope.server.devices.device.link_stats import LinkStatistics
 from imuscope.server.devices.link.session import Session
 
 
@@ -54,6 +55,19 @@ class LinkMember:
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
         """Call `callback` with every event of this device; see SessionListeners.listen."""
         return self.listeners.listen(callback, self.name)
+
+    def listen_to_news(self, callback: Callable[[Batch | Reply], None]) -> Callable[[], None]:
+        """Call `callback` with its replies and the first samples after each; see SessionListeners.listen_to_news."""
+        return self.listeners.listen_to_news(callback, self.name)
+
+    def expect_samples(self) -> None:
+        """Take its next samples for news."""
+        self.listeners.expect_samples(self.name)
+
+    @property
+    def stats(self) -> LinkStatistics:
+        """Counts of its bytes and messages."""
+        return self._sender.stats
 
     async def send(self, data: bytes) -> int:
         """Write to the line; see LinkAccess.send."""

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Literal
 
-from imuscope.protocols.events import Event, sender_of
+from imuscope.protocols.events import Batch, Event, Reply, sender_of
 from imuscope.server.concurrency.listeners import CallbackList
 from imuscope.server.links.base import Chunk, Flow
 
@@ -27,6 +27,8 @@ class SessionListeners:
     def __init__(self, flow: Flow) -> None:
         self._flow = flow
         self._events: dict[str, CallbackList[[Event]]] = {"": CallbackList()}  # by the sender's name in the stream
+        self._news: dict[str, CallbackList[[Batch | Reply]]] = {}  # by the same name
+        self._streaming: set[str] = set()  # senders of a batch after their last reply
         self.sent: CallbackList[[bytes, int]] = CallbackList()
         self.turn = asyncio.Lock()  # held while a device is configured: one at a time on a link
         self._closing: list[Callable[[], Awaitable[None]]] = []
@@ -39,6 +41,14 @@ class SessionListeners:
             sender: name in the stream of a further device of the link; "" for the link's own.
         """
         return self._events.setdefault(sender, CallbackList()).add(callback)
+
+    def listen_to_news(self, callback: Callable[[Batch | Reply], None], sender: str = "") -> Callable[[], None]:
+        """Call `callback` with every reply of one device, and with its first samples after each; else as `listen`."""
+        return self._news.setdefault(sender, CallbackList()).add(callback)
+
+    def expect_samples(self, sender: str = "") -> None:
+        """Take the next samples of a device for news, although no reply comes before them."""
+        self._streaming.discard(sender)
 
     def chunks(self, callback: Callable[[Sequence[Chunk], Direction], None]) -> Callable[[], None]:
         """Call `callback(chunks, direction)` once with every chunk, received ("rx", in the reading thread) or sent
@@ -68,8 +78,21 @@ class SessionListeners:
 
     def publish(self, events: Sequence[Event], own: str) -> None:
         """Pass events to the listeners of their sender; `own` is the link's own device in the stream."""
-        if any(self._events.values()):
+        if any(self._events.values()) or any(self._news.values()):
             for event in events:
-                name = sender_of(event)
-                if (listeners := self._events.get("" if name == own else name)) is not None:
+                sender = sender_of(event)
+                name = "" if sender == own else sender
+                self._publish_news(event, name)
+                if (listeners := self._events.get(name)) is not None:
                     listeners.call(event)
+
+    def _publish_news(self, event: Event, name: str) -> None:
+        match event:
+            case Reply():
+                self._streaming.discard(name)
+            case Batch() if name not in self._streaming:
+                self._streaming.add(name)
+            case _:
+                return
+        if (listeners := self._news.get(name)) is not None:
+            listeners.call(event)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from imuscope.protocols.commands.transactions import Values
-from imuscope.protocols.events import Event, Reply
+from imuscope.protocols.events import Batch, Reply
 from imuscope.server.configuration.device_controller import ControlError, DeviceController
 from imuscope.server.configuration.settings_diff import ComparedValues, compare
 from imuscope.server.configuration.settings_reader import plain_values
@@ -73,7 +73,7 @@ class ClientChanges:
         self._ending: _Configuration | None = None  # its client is done, and answers are still being decoded
         self.latest: deque[SettingsChange] = deque(maxlen=MAX_LATEST)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._off = controller.member.listen(self._on_event)
+        self._off = controller.member.listen_to_news(self._on_news)
 
     def close(self) -> None:
         """Stop following the device."""
@@ -99,7 +99,7 @@ class ClientChanges:
         else:
             self._take(self._now, name, values)
 
-    def _on_event(self, event: Event) -> None:
+    def _on_news(self, event: Batch | Reply) -> None:
         """Take what the device acknowledges."""
         now = self._ending or self._now
         if now is None or not isinstance(event, Reply):

@@ -45,8 +45,18 @@ if (typeof document !== "undefined") {
 
   // happy-dom has the next frame at once, so that a page which a test waits for would draw all the time.
   const { setTimeout, clearTimeout } = globalThis; // not those of a test that turns the clock
-  window.requestAnimationFrame = (paint) => Number(setTimeout(() => paint(performance.now()), FRAME_MS));
-  window.cancelAnimationFrame = (frame) => clearTimeout(frame);
+  // The loop of painters is one for all files: a frame that it waited for when the timers of a file were ended comes in the next one.
+  const frames: Map<number, FrameRequestCallback> = Reflect.get(vi, "frames") ?? new Map();
+  Reflect.set(vi, "frames", frames);
+  const begun = [...frames.values()];
+  frames.clear();
+  window.requestAnimationFrame = (paint) => {
+    const frame = Number(setTimeout(() => frames.delete(frame) && paint(performance.now()), FRAME_MS));
+    frames.set(frame, paint);
+    return frame;
+  };
+  window.cancelAnimationFrame = (frame) => frames.delete(frame) && clearTimeout(frame);
+  begun.forEach(window.requestAnimationFrame);
 
   // No style sheet is loaded, so a style is what its element says. Roles and names ask for the style of each element and of all that it
   // is in, for which happy-dom takes a tenth of the time.
