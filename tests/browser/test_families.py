@@ -55,7 +55,7 @@ def shown_on_a_map(page: Page, story: Story) -> None:
     until(page, f"({COVERED})({LARGE}) > 0.9")
 
     def tiles() -> list[str]:
-        return [one for one in story.asked if "/tiles/" in one]
+        return [one for one in story.requests if "/tiles/" in one]
 
     while len(tiles()) < 4:  # further out the picture is where tiles meet
         page.get_by_role("dialog").get_by_role("button", name="Zoom out", exact=True).click()
@@ -99,8 +99,8 @@ def test_the_track_is_large_with_a_map_where_there_is_one(open_page: Callable[..
         assert page.get_by_role("dialog").get_by_role("button", name="Map", exact=True).count() == 0
         press(page, "Escape", "document.querySelector('dialog') === null")
         assert page.evaluate("document.activeElement.className") == "enlarge"
-        assert "GET /api/map" in story.asked
-        assert not [one for one in story.asked if "/tiles/" in one], "no map was configured"
+        assert "GET /api/map" in story.requests
+        assert not [one for one in story.requests if "/tiles/" in one], "no map was configured"
 
         map_of |= {"tiles": True, "attribution": "© the survey"}
         shown_on_a_map(page, story)

@@ -55,14 +55,14 @@ class Profile:
 
     @classmethod
     def read(cls, folder: Path) -> Profile:
-        found = cls()
+        result = cls()
         for path in sorted(folder.glob("*.jsonl")):
             for line in map(json.loads, path.read_text().splitlines()):
                 if line.get("start"):
-                    found.starts.append(line["own"] + line["begun"] + line["browser"])
+                    result.starts.append(line["own"] + line["begun"] + line["browser"])
                 else:
-                    found.files[line["test"].split("::")[0]].add(line)
-        return found
+                    result.files[line["test"].split("::")[0]].add(line)
+        return result
 
     def folders(self) -> dict[str, Spent]:
         """Sums by folder of tests/, and by extension, the most processor time first."""

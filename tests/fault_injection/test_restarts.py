@@ -115,9 +115,9 @@ def test_recordings_survive_restarts_kills_and_other_servers_in_a_full_library(t
             if end == "company":
                 sent["drive.mcap"] = beside.sent
     for name, data in sent.items():
-        found = chunks(folder / name)
-        assert data.startswith(found), name
-        assert len(found) > ENOUGH // 2, name
+        result = chunks(folder / name)
+        assert data.startswith(result), name
+        assert len(result) > ENOUGH // 2, name
     for name, held in damaged.items():
         assert (folder / name).read_bytes() == held, name
     assert all(chunks(path) == whole for path in folder.glob("kept-*"))
@@ -138,8 +138,8 @@ class company:  # noqa: N801 - reads as what it is
     def __exit__(self, *error: object) -> None:
         self._server.__exit__(None, None, None)
         assert self._record.stdout is not None
-        said = self._record.stdout.read()
-        assert self._record.wait(PATIENCE_S) == 0, said
+        message = self._record.stdout.read()
+        assert self._record.wait(PATIENCE_S) == 0, message
         self._record.stdout.close()
 
 

@@ -35,11 +35,11 @@ class Reading:
         """Hand a file to the reader of its kind. BrokenError: what should not have happened."""
         call = self._files.call(f"{__name__}:broken", path, kind, cut, returns=list[str])
         try:
-            found: list[str] = asyncio.run_coroutine_threadsafe(call, self._loop).result()
+            results: list[str] = asyncio.run_coroutine_threadsafe(call, self._loop).result()
         except RecordingError as error:
             raise BrokenError("process", f"a {kind}: {error.message}") from None
-        if found:
-            raise BrokenError(found[0], found[1])
+        if results:
+            raise BrokenError(results[0], results[1])
 
     def close(self) -> None:
         asyncio.run_coroutine_threadsafe(self._files.close(), self._loop).result()

@@ -3,7 +3,8 @@
     tell, say, hear, look, ask …    senses and moods for input and output: report, send, receive, poll, request
     found, given, wanted, kept …    participles as nouns: the name of the thing itself
 
-A participle before a noun (`kept_tags`) or after a predicate (`is_kept`, `last_seen`) is no noun.
+A participle before a noun (`kept_tags`), after a predicate (`is_kept`, `last_seen`) or at the end of a sentence
+(`test_a_marker_is_kept`) is no noun.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ _SENSES = """
     asking asked knock knocks knocking greet greets greeted hush anew whoever nobody somebody meanwhile
 """
 _PARTICIPLES = "found given wanted kept asked taken seen told said heard"
-_PREDICATES = "is are was were has had be been not last first when if"
+_PREDICATES = "is are was were has had be been not last first when if test"
 SENSES, PARTICIPLES, PREDICATES = (frozenset(words.split()) for words in (_SENSES, _PARTICIPLES, _PREDICATES))
 SUSPECT = re.compile(f"(?<![a-zA-Z])(?:{'|'.join(sorted(SENSES | PARTICIPLES))})(?![a-zA-Z])", re.IGNORECASE)
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")

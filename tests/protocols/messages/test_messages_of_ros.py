@@ -48,16 +48,16 @@ def value_of(definition: Any, random: Random, numbers: dict[str, float], path: s
 
 
 def message_of(name: str, random: Random, numbers: dict[str, float], path: str = "", shown: bool = True) -> Any:
-    found: dict[str, float] = {}
+    results: dict[str, float] = {}
     fields = {
-        field: value_of(definition, random, found, f"{path}.{field}" if path else field, shown)
+        field: value_of(definition, random, results, f"{path}.{field}" if path else field, shown)
         for field, definition in ros.STORE.fielddefs[name][1]
     }
     if name in ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"):
         if shown and path not in STAMPS:
             numbers[path] = fields["sec"] + fields["nanosec"] / 1e9
     else:
-        numbers.update(found)
+        numbers.update(results)
     return ros.STORE.types[name](**fields)
 
 
@@ -69,7 +69,7 @@ def test_numbers_of_a_type(name: str) -> None:
     for seed in range(5):
         numbers: dict[str, float] = {}
         data = ros.cdr(name, message_of(name, Random(seed), numbers))
-        (found,), refused = read([data])
+        (results,), refused = read([data])
         assert not refused
-        wanted = dict(list(numbers.items())[:500])
-        assert {path: float(column[0]) for path, column in found.columns.items()} == wanted
+        expected = dict(list(numbers.items())[:500])
+        assert {path: float(column[0]) for path, column in results.columns.items()} == expected

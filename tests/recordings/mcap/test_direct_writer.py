@@ -109,7 +109,7 @@ def test_a_shift_is_added_to_the_times(tmp_path: Path, each_kernel: None) -> Non
     assert [time_ns - OFFSET_NS for time_ns, _ in chunks(tmp_path / "drive.mcap", "1")] == [0, 5_000_001_000]
 
 
-def test_the_loop_ends_when_it_is_asked_or_nothing_comes(tmp_path: Path, each_kernel: None) -> None:
+def test_the_loop_ends_when_it_is_stopped_or_nothing_comes(tmp_path: Path, each_kernel: None) -> None:
     writer, direct, source = McapWriter(tmp_path / "drive.mcap", {}), DirectWriter(), Source()
     direct.add("1", source.follower)
     assert not direct.write(writer, 0, 1000, 60_000_000_000, FAR), "nothing came"

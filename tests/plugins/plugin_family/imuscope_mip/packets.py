@@ -62,11 +62,11 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
     raw = data.tobytes()
     done = failed = framed = 0
     while done < table.shape[1]:
-        found = raw.find(SYNC, at)
-        if found < 0:
+        result = raw.find(SYNC, at)
+        if result < 0:
             at = len(raw) - (not final and raw.endswith(SYNC[:1]) and at < len(raw))
             break
-        at, left = found, len(raw) - found
+        at, left = result, len(raw) - result
         size = HEADER + raw[at + 3] + SUM if left >= HEADER else LONGEST
         if size > left:
             if not final:
