@@ -23,8 +23,6 @@ is well.
     tests/check.py --profile             everything, and the table of where the time goes in CONTRIBUTING.md
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

@@ -4,8 +4,6 @@ artifacts/failures/NAME-OF-THE-TEST.png, …-1.png    the pages that were open
                                    .txt             consoles and servers
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Generator
 from contextlib import suppress

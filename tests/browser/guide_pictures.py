@@ -7,8 +7,6 @@ A picture is reduced to a palette of 128 colours, which keeps it below `MAX_BYTE
 its frames at the times at which they were taken.
 """
 
-from __future__ import annotations
-
 import io
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Looks at a page: accessibility, targets for a finger, room at a width, and where everything stands."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Literal
 

@@ -5,8 +5,6 @@ web/src/extensions/alarms/dialog.test.tsx and panel.test.tsx; that a condition r
 tests/server/extensions/alarms/test_alarms.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

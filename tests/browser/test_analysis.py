@@ -4,8 +4,6 @@ What is asked of the server is tested without a browser, in web/src/extensions/a
 a real server are shown in test_recordings.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

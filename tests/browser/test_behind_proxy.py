@@ -1,7 +1,5 @@
 """The page behind a proxy that has put it below a path, as one of several at the address of a robot."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections.abc import Callable, Iterator

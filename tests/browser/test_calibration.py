@@ -5,8 +5,6 @@ web/src/extensions/calibration/dialog.test.tsx, and what is found and written to
 tests/server/extensions/calibration/test_calibration_api.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -5,8 +5,6 @@ with nothing of the product in between: bytes, decoder, wire, rings, derived cha
 for the numbers on the page to agree.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

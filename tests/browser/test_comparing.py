@@ -4,8 +4,6 @@ Two live devices, moving B, and what is asked of the server are tested without a
 web/src/extensions/analysis/compare/page.test.tsx.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from playwright.sync_api import Page

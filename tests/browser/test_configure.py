@@ -4,8 +4,6 @@ What the page shows, asks and sends is tested without a browser, in web/src/page
 writing.test.tsx; what becomes of it on the device, in tests/server/configuration.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -4,8 +4,6 @@ What is asked of the server, also from Live, is tested without a browser, in web
 a file, in tests/server/extensions/evidence/test_evidence.py.
 """
 
-from __future__ import annotations
-
 import re
 import urllib.request
 from collections.abc import Callable, Iterator

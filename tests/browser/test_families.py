@@ -4,8 +4,6 @@ What needs no browser (attitude, satellites, position, marks of trust, keys, ven
 web/src/pages/live.test.tsx and dialogs.test.tsx; the server's tiles in tests/server/integrations/test_map_tiles.py.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Time of a file in a real browser: a dropped table is asked about, its heading remembered, another clock used."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

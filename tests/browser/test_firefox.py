@@ -3,8 +3,6 @@
 Playwright brings a Firefox of its own; that of the distribution speaks WebDriver BiDi (w3.org/TR/webdriver-bidi).
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

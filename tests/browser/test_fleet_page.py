@@ -2,8 +2,6 @@
 and are lost: test_robot_pages.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

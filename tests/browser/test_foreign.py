@@ -5,8 +5,6 @@ Two dangers that only a real browser shows whole: what a page of another origin 
 which the page would be of one origin with the server.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer

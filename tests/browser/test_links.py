@@ -4,8 +4,6 @@ A pseudo-terminal behind a symbolic link stands for a USB adapter that is pulled
 are tested with the server alone, in tests/fault_injection/test_links.py.
 """
 
-from __future__ import annotations
-
 import os
 import pty
 import tty

@@ -3,8 +3,6 @@
 Gestures that measure are tested in test_panels.py.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable

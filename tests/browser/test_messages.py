@@ -1,7 +1,5 @@
 """A sensor whose protocol imuscope does not speak: the messages of its ROS 2 driver, with the panels of any device."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

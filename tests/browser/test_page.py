@@ -3,8 +3,6 @@
 How it looks is tested from recorded frames, in test_live_story.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from playwright.sync_api import Page

@@ -5,8 +5,6 @@ Choices and words of each panel are tested beside it, in web/src and web/src/ext
 numpy in test_measuring.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pictures of the page in artifacts/, for people: both widths, both themes, and paused with a cursor."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

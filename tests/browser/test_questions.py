@@ -3,8 +3,6 @@
 Completion, mistakes and cancelling are tested without a browser, in web/src/extensions/fleet/questions/page.test.tsx.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -5,8 +5,6 @@ seen at every zoom; values are samples as they were sent, however much of the re
 the notes and the markers do is tested without a browser, in web/src/pages/recordings and web/src/extensions/notes.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import zipfile

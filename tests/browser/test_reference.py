@@ -1,7 +1,5 @@
 """The reference pages in a browser: styled, and readable on a phone. The page's link to them: test_live_story.py."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from playwright.sync_api import Page

@@ -3,8 +3,6 @@
 What is drawn is compared by pixels: the 3D view is filled, and two attitudes look different.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Iterator
 from dataclasses import asdict

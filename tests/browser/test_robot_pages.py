@@ -1,7 +1,5 @@
 """A robot in a real browser, through its fleet server: it joins, shows its page, is lost, and is removed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The 3D scene in a real browser: it opens beside the panels, the body turns, and no other host is contacted."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import socket

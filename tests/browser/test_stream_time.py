@@ -1,7 +1,5 @@
 """Time of a stream in a real browser: figures of loss and jitter lead to the clocks of a device with a bursty link."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

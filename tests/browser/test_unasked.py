@@ -2,8 +2,6 @@
 write. The device keeps what it is sent, and is sent nothing.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The page with a view token: all that is enabled is pressed, and nothing asks for what the server refuses."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -3,8 +3,6 @@
 How panels are arranged is tested in test_panels.py, in web/src/workspace/arrange.test.tsx and beside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

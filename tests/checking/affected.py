@@ -5,8 +5,6 @@ nearly every module, so the nearest are taken first (the fewest imports between)
 run fills the time. How many were left out is said.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -5,8 +5,6 @@ each package, then each file below BAR. What runs as machine code is not seen, n
 that fail only because they are traced, and so slower, do not count: the check runs them without.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """pytest plugin: notes how long each file of tests took, for the order of the next run and for `--quick`."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 
 import pytest

@@ -10,8 +10,6 @@ BROWSERS files with a real browser run at a time: a page that is open costs half
 A worker that dies is reported as the failure of its test; another one goes on with the rest of the file.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

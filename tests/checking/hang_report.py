@@ -5,8 +5,6 @@ which fails the test, and another one goes on; by hand, where a person may be de
 report (faulthandler_timeout) is made without the lock of the interpreter, and has crashed a process that was only slow.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

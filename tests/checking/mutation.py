@@ -9,8 +9,6 @@ A mistake that no test catches is printed with its line: a place to look, not al
 One whose tests fail also without it is left out, and said.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import os

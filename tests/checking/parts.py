@@ -1,7 +1,5 @@
 """Running the parts of the check: each a process whose output is passed on, timed, and ended if it goes silent."""
 
-from __future__ import annotations
-
 import argparse
 import codecs
 import os

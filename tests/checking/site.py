@@ -8,8 +8,6 @@ become pages, are adapted; those to other files of the project become links to t
 address up to the path) or, without one, the names of the files.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import re

@@ -4,8 +4,6 @@ For whatever is about time. A test that passes here twenty times does not depend
 once is a defect of the test or of the product.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

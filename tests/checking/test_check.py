@@ -1,7 +1,5 @@
 """The check command: a failure is one, a hang ends, the quick part takes what is near, the table adds up."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Tests in forked workers: each one is reported once, and one that takes its process with it is named."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -11,8 +11,6 @@ until the first test (imports, collecting, compiled code), each other line is a 
 `browser` Chromium; their time counts for the test during which it was spent.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import time

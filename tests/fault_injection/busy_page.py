@@ -1,7 +1,5 @@
 """Use of the page of a robot whose driver has the device, and a device that keeps what it is sent."""
 
-from __future__ import annotations
-
 import json
 
 from websockets.typing import Subprotocol

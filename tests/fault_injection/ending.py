@@ -1,7 +1,5 @@
 """A busy server to be shut down."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import socket

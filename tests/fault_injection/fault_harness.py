@@ -4,8 +4,6 @@ The books are what "nothing lost" means here: the bytes that the device sent are
 the samples that a browser could have are those that were in them, or the missing ones are counted.
 """
 
-from __future__ import annotations
-
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path

@@ -10,8 +10,6 @@ FLOODS has them by name: tests/fault_injection/test_floods.py runs each until th
 it, tests/bench/floods.py for so many seconds.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Files that are made to harm whoever opens them, one function each; they are small, and what they unpack to is not."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import io

@@ -1,7 +1,5 @@
 """Files of recordings in progress, and the data in them."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -8,8 +8,6 @@
 tests/server/devices/link/test_session.py.)
 """
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 from pathlib import Path

@@ -10,8 +10,6 @@
 that nobody keeps because the browser is gone: tests/browser/test_configure.py.)
 """
 
-from __future__ import annotations
-
 import json
 import socket
 import struct

@@ -12,8 +12,6 @@
 Trials and snapshots on a full disk: tests/server/configuration/test_rollback.py, test_snapshots.py.)
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

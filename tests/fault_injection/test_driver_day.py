@@ -2,8 +2,6 @@
 recordings start and stop, pages open and the server is killed. Nothing reaches the device that the driver did not send.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import select

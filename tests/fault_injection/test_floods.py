@@ -5,8 +5,6 @@ One server with one device that streams all the while, and is recorded; then one
 one likes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

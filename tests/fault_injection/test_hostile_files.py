@@ -1,7 +1,5 @@
 """Files made to harm, uploaded, found in the folder and read by every route, while a device records at 400 Hz."""
 
-from __future__ import annotations
-
 import re
 import signal
 from concurrent.futures import ThreadPoolExecutor

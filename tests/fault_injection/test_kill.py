@@ -11,8 +11,6 @@
 tests/server/configuration/test_rollback.py.)
 """
 
-from __future__ import annotations
-
 import asyncio
 import subprocess
 import sys

@@ -15,8 +15,6 @@ TCP: peer gone without a word           told lost within a second, found dead by
 UDP: nothing for a while                told lost; the same port hears the next datagram
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

@@ -8,8 +8,6 @@ The limit is RLIMIT_DATA, which needs no rights, and set once the server runs: a
 test can tell, while a control group would end the process.
 """
 
-from __future__ import annotations
-
 import re
 import resource
 import sys

@@ -4,8 +4,6 @@ A disk is modelled as the worst that POSIX allows: a file has the bytes of its l
 the folder is synced, but may come earlier.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -9,8 +9,6 @@ recordings that are damaged                            stay as they are, byte fo
 the host's clock is set after the server began         recordings that begin afterwards have the new time
 """
 
-from __future__ import annotations
-
 import os
 import random
 import time

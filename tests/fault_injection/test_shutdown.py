@@ -11,8 +11,6 @@
 It takes 2 s at most: how long is measured on an otherwise idle machine by tests/bench/shutdown.py, not here.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -5,8 +5,6 @@ its own, or a thread that kept the interpreter to itself. Time that other proces
 the count anew; the longest is printed at the end.
 """
 
-from __future__ import annotations
-
 import asyncio
 import signal
 import time

@@ -6,8 +6,6 @@ What breaks an invariant is minimised and kept under findings/; the exit status 
 is noted in runs.json.
 """
 
-from __future__ import annotations
-
 import argparse
 import faulthandler
 import json

@@ -7,8 +7,6 @@
 ef49040450 …                                               the bytes, hex, 60 a line
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field

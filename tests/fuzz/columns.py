@@ -5,8 +5,6 @@ offset. Parts of ISB data sets are merged here a second time, by the plain rule:
 that it fits into.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Any

@@ -7,8 +7,6 @@
 Of each way to break, told by where and how, the first is kept; the others are counted.
 """
 
-from __future__ import annotations
-
 import contextlib
 import faulthandler
 import tempfile

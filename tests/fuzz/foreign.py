@@ -3,8 +3,6 @@
 Checksums are computed plainly, not by the project's own functions.
 """
 
-from __future__ import annotations
-
 from functools import reduce
 from operator import xor
 from random import Random

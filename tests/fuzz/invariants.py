@@ -13,8 +13,6 @@
 `check` raises BrokenError at the first that does not, and otherwise returns what the case showed, for the corpus.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from itertools import pairwise

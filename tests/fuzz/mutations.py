@@ -4,8 +4,6 @@ Every edit draws from one `random.Random`, so a seed repeats it. Edits of bytes 
 makes them right again, for contents that are hostile rather than damaged.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from random import Random
 from typing import Protocol

@@ -1,7 +1,5 @@
 """A whole file for each reader of foreign formats (recordings/readers/formats/), from which damaged ones are made."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import json

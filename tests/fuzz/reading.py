@@ -5,8 +5,6 @@
 A reader that ends its process, keeps a library in one call, or takes the memory of the machine breaks its own case.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import threading

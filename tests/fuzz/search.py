@@ -4,8 +4,6 @@ A step takes an entry of the corpus (often one of the newest), joins it with par
 All that is random comes from one generator, so a seed gives the same steps everywhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from random import Random
 

@@ -3,8 +3,6 @@
 A protocol is one more class here, and one more row of TARGETS.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path

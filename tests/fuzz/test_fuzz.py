@@ -1,7 +1,5 @@
 """All earlier findings, and a few new cases with each run; the long runs are in runs.json."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Nothing here looks at the time but to give up: the machine is busy with other tests.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Simulators accept any bytes from a host and continue."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from random import Random
 from typing import Any

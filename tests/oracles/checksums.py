@@ -1,7 +1,5 @@
 """Checksums by their definitions, byte by byte; nothing imported from the project."""
 
-from __future__ import annotations
-
 
 def fletcher(data: bytes) -> bytes:
     """Fletcher's sum of eight bits, as Inertial Sense, u-blox and MIP send it."""

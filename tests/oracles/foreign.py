@@ -6,8 +6,6 @@ writes tests/golden/foreign/computed.json. The names are those of pyubx2 and pyr
 here: a payload that counts up, and checksums added one byte (or bit) at a time. Nothing is imported from the project.
 """
 
-from __future__ import annotations
-
 import json
 from importlib.metadata import version
 from pathlib import Path

@@ -9,8 +9,6 @@ writes tests/golden/idtp/computed.json: a frame of every payload type in every m
 description and of version 2.0, with simple ramps as readings, marked "computed".
 """
 
-from __future__ import annotations
-
 import hmac
 import json
 import struct

@@ -9,8 +9,6 @@ writes tests/golden/isb/formats.json, the fields of every structure as [name, co
 vector for every data set that the vendor's vectors do not meet, marked "computed", with simple ramps as values.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import sys

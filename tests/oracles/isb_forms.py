@@ -12,8 +12,6 @@ writes tests/golden/isb/forms.json, all of it marked "computed", with simple ram
                since
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import sys

@@ -3,8 +3,6 @@
 Written from the vendor's public SDK (tests/plugins/plugin_family/README.md names its files), one byte at a time.
 """
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

@@ -9,8 +9,6 @@ writes tests/golden/xbus/computed.json: a vector for every message and every ide
 with simple ramps as values.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import sys

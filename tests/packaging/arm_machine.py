@@ -7,8 +7,6 @@ aarch64, and qemu's user mode, which runs a single program.
 Nothing of this machine is changed; all is in the cache folder, and is made once for each lock file.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

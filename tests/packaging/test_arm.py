@@ -1,7 +1,5 @@
 """imuscope on 64-bit ARM, by emulation: the same answers, bit for bit, as on this machine."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import urllib.request

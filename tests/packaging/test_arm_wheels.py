@@ -5,8 +5,6 @@ tools needs must have one for aarch64 and each supported Python, or one for all 
 source and ask the robot for a compiler.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache

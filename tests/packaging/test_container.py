@@ -4,8 +4,6 @@ The package cannot be written. A process that is root here gives up the right to
 obey them as any user does.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import re

@@ -1,7 +1,5 @@
 """The source distribution, its wheel, and the wheel beside other packages of common names, as on a robot."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -2,8 +2,6 @@
 command that adds it.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import tomllib

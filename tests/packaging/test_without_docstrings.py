@@ -1,7 +1,5 @@
 """A server without docstrings, as docs/guide/deployment.md sets it up for a small computer."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.support.server_process import ServerProcess

@@ -1,7 +1,5 @@
 """The public door for plug-ins: its names, and its version."""
 
-from __future__ import annotations
-
 import re
 from importlib import import_module
 from pathlib import Path

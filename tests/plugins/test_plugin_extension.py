@@ -1,7 +1,5 @@
 """An extension in a package of its own: the one of docs/add-an-extension.md, installed as written there."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -4,8 +4,6 @@ The package is tests/plugins/plugin_family. Here it is made visible as pip would
 path.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import tomllib

@@ -1,7 +1,5 @@
 """An exporter, a reader, a link and an analysis in a separate package, without a line of imuscope about them."""
 
-from __future__ import annotations
-
 import json
 import os
 import urllib.error

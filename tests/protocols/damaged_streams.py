@@ -1,7 +1,5 @@
 """Streams of all families as files, slightly damaged: those of the benchmarks, and all vectors of Xbus."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.bench.support import idtp_mixed, isb_mixed

@@ -3,8 +3,6 @@
 Needs nothing but the protocols, so that it runs wherever they do. A file is named like its family.
 """
 
-from __future__ import annotations
-
 import hashlib
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Decoding of chunks by any decoder, and columns of what it found."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

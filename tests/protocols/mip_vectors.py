@@ -3,8 +3,6 @@
 The package is not installed: its folder is put on the path.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 

@@ -3,8 +3,6 @@
 The properties (test_properties.py) and the fuzz target (tests/fuzz) stand on this; a protocol is one row of SPEAKERS.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Coverage: every message, item, data set, packet type, payload type and foreign name has a vector."""
 
-from __future__ import annotations
-
 import lzma
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ Compared is processor time of this thread, of one size and of sixteen times as m
 a search that starts over for each candidate 256 times. The limit is four times from either, which no noise reaches.
 """
 
-from __future__ import annotations
-
 import gc
 import time
 from collections.abc import Callable, Iterator

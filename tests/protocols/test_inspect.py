@@ -1,7 +1,5 @@
 """`imuscope inspect`: one line per frame, from which the frame can be composed."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

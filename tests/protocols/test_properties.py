@@ -10,8 +10,6 @@
 Profiles `fast` and `deep` are those of tests/conftest.py.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import struct

@@ -1,7 +1,5 @@
 """Euler angles agree with the vendor's, and with the rotation they represent."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -11,8 +11,6 @@ meet, and where each vector came from. What is met is read off the bytes (by the
     python -m tests.protocols.vector_coverage        prints the table
 """
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence

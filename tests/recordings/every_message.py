@@ -4,8 +4,6 @@ A frame is made from the row of its message: a value for each field, within rang
 and from frame to frame. A new row of a table is a new case.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count, product

@@ -1,7 +1,5 @@
 """MCAP files, read by imuscope's reader and the official one."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Recording of a simulated drive."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Opened recordings for tests, made by hand: two devices, quantities at several rates, a table, odd numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

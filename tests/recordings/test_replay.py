@@ -1,7 +1,5 @@
 """A recording is replayed with the same bytes, in order and on time, at any speed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -6,8 +6,6 @@
 A picture stands between two comments, as text of Mermaid.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -5,8 +5,6 @@
 Generated files say so in their first lines and are left out, and so are pictures, recordings and golden files.
 """
 
-from __future__ import annotations
-
 import io
 import subprocess
 import sys

@@ -9,8 +9,6 @@ again: that other one is, and of the call only the kind is looked at (server/err
 list by being written, and its test (tests/rules/test_errors.py) reads it.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import re

@@ -7,8 +7,6 @@ A participle before a noun (`kept_tags`), after a predicate (`is_kept`, `last_se
 (`test_a_marker_is_kept`) is no noun.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

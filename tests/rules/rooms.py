@@ -1,7 +1,5 @@
 """Rooms of the house: the parts of each folder, and what each of them imports of the others."""
 
-from __future__ import annotations
-
 import functools
 import os
 import re

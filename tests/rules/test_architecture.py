@@ -3,8 +3,6 @@
 Read from the sources themselves (with `ast`, without importing), so a broken arrow fails here with file and line.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import io

@@ -2,8 +2,6 @@
 verbs and terms of the field.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import re

@@ -1,7 +1,5 @@
 """Every error a person can meet is one sentence and a hint. `python -m tests.rules.error_catalog` lists them."""
 
-from __future__ import annotations
-
 import re
 
 from imuscope.server.errors import KINDS

@@ -1,7 +1,5 @@
 """Licences of what is linked (its installed metadata) and of what the page ships: permissive ones only."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

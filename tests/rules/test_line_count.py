@@ -1,7 +1,5 @@
 """Number of lines: hand-written sources stay below their ceiling."""
 
-from __future__ import annotations
-
 from tests.rules.count_lines import CEILING, counts, total
 
 

@@ -9,8 +9,6 @@ seconds says nothing about the product; growth is counted in calls, bytes or ope
     limit    a number below PATIENCE_S where a wait ends: timeout=, wait(), join(), result(), asyncio.timeout()
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Tests mirror the sources: where a test lies, and what it is called, says what it tests."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

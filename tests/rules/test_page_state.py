@@ -4,8 +4,6 @@ What is shown, selected, typed or opened belongs to a component (useSignal), to 
 to a page (web/src/page/app-state.ts), so that two of them in one document know nothing of each other.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

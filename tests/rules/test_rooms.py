@@ -1,7 +1,5 @@
 """Rooms: arrows between folders, files beside one another, docstrings of packages."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 from tests.rules.rooms import ARROWS, HOUSES, graph_of, imports_of, page_files, reach, reduced, table_of

@@ -1,7 +1,5 @@
 """Property tests try the same examples wherever they run, so that a failure comes again when its test runs alone."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

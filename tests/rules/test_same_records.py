@@ -1,7 +1,5 @@
 """Records with the same fields: one dataclass for one thing."""
 
-from __future__ import annotations
-
 import ast
 import itertools
 

@@ -5,8 +5,6 @@ word of the whole house. It belongs into a file that is about it, where it is li
 what needs it so often is looked at.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Set
 

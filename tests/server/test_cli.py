@@ -1,7 +1,5 @@
 """The command line: quick answers, one clear line per error, cache of compiled code."""
 
-from __future__ import annotations
-
 import gc
 import json
 import signal

@@ -1,7 +1,5 @@
 """Objects of devices, links and recordings that are gone: a server that runs for weeks must not keep them."""
 
-from __future__ import annotations
-
 import asyncio
 import gc
 import io

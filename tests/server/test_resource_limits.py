@@ -1,7 +1,5 @@
 """Bounds on the resources that a client, a query, a pipe or a hostile file may use."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """The commit that `imuscope --version` names: from git in a checkout, from a file elsewhere."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

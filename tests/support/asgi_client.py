@@ -1,7 +1,5 @@
 """Requests to an ASGI application without a network: exact headers, any method, any peer."""
 
-from __future__ import annotations
-
 import asyncio
 import atexit
 import functools

@@ -4,8 +4,6 @@ Playwright keeps an event loop running in the thread that started it, in which o
 is started when the first browser test asks, and ended before the next test of another kind (tests/conftest.py).
 """
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 
 from playwright.sync_api import Browser, Page, Playwright, sync_playwright

@@ -7,8 +7,6 @@
 It is in the user's cache folder and may be deleted at any time. Where that cannot be written, artifacts/ serves.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

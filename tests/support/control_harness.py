@@ -1,7 +1,5 @@
 """The server without its HTTP side, in the test's own event loop: real simulators behind real pseudo-terminals."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

@@ -1,7 +1,5 @@
 """Work counted in calls instead of seconds: the same on every machine, however busy it is."""
 
-from __future__ import annotations
-
 import gc
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Decode options for tests, from the settings of a decoder instead of texts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from imuscope.protocols.idtp.custom_payloads import written

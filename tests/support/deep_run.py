@@ -1,7 +1,5 @@
 """Cases that are too many for each run: a few of them, and all in the deep one (`tests/check.py --deep`)."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """A link without hardware, a manual clock, and a protocol of four-byte frames."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A simulated device at the end of a line that loses frames, or turns one bit in them."""
 
-from __future__ import annotations
-
 from imuscope.protocols.simulator.family import SimulatedDevice
 from imuscope.server.links.simulated_line import LineFaults, SimulatedLine
 

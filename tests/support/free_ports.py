@@ -1,7 +1,5 @@
 """Free port numbers."""
 
-from __future__ import annotations
-
 import socket
 
 

@@ -1,7 +1,5 @@
 """Groups of parts to leave out together: that none needs another is seen in few tries."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations, count, islice
 from math import comb

@@ -1,7 +1,5 @@
 """A bus with one device that sends an acceleration, without a session: for what follows live signals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -8,8 +8,6 @@
 All are coroutines that go on until they are cancelled.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

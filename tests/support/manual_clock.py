@@ -1,7 +1,5 @@
 """Clocks that only a test moves, or what it runs."""
 
-from __future__ import annotations
-
 import threading
 from typing import Generic, TypeVar
 

@@ -1,7 +1,5 @@
 """Errors over HTTP."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Other processes, from /proc (Linux)."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A library whose files are read in the test's process; a server has them read in another."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.recordings.library.entry import LibraryEntry

@@ -1,7 +1,5 @@
 """A recorder with links fed by a test, and the contents of its files."""
 
-from __future__ import annotations
-
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path

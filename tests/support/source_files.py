@@ -1,7 +1,5 @@
 """Source files of the project, read and parsed once for all tests that look at them."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import gc

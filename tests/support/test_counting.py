@@ -1,7 +1,5 @@
 """Counted work: the same, whatever earlier tests left behind."""
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Rows of a table as one test: every row runs, and each that fails is named."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tests and benchmarks leave no process behind, and a benchmark without its port says so."""
 
-from __future__ import annotations
-
 import asyncio
 import fcntl
 import os

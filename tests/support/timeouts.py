@@ -5,8 +5,6 @@ by themselves (5 s for a request, 10 s for the handshake of a WebSocket) are too
 talks to a server takes its limit from here.
 """
 
-from __future__ import annotations
-
 import ssl
 import urllib.error
 import urllib.request

@@ -6,8 +6,6 @@ The device is any simulator (`advance`, `receive`, `baud`); `PlayedWire` decodes
 own rate.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any, Protocol
 

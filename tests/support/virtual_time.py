@@ -1,7 +1,5 @@
 """An event loop with a clock that its waits advance: hours of timers pass at once, deterministically."""
 
-from __future__ import annotations
-
 import asyncio
 import selectors
 from collections.abc import Coroutine

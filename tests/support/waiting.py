@@ -1,7 +1,5 @@
 """Waiting for a condition with a generous time limit and a report of its last value."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Callable

@@ -6,8 +6,6 @@
 The headers are read where they lie and nothing of them is kept but names and numbers.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import tempfile

@@ -20,8 +20,6 @@ in the table. Names that the vendor forms otherwise are rows of `MASKS`, `VALUES
 bit and no value, of `APART`. A value of 0 may have a name of our own where the header has none.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

@@ -9,8 +9,6 @@ the tables follow, and the headers: rows of the mappings below say which is whic
 compared by its name.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

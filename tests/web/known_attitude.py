@@ -4,8 +4,6 @@ Written by the textbook in the form that each message has: angles in NED, quater
 earth's axes.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable

@@ -9,8 +9,6 @@ of the scenes (tests/web/wire_scenes.py) what the library answers, and of record
 samples. tests/web/test_record_wire.py says when it must be run again.
 """
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json

@@ -1,7 +1,5 @@
 """web/build.py: staleness of the page, and errors of npm."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import re

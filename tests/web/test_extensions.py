@@ -3,8 +3,6 @@
 web/src/extension/extension.tsx is their door, web/src/extensions/NAME/ holds each.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Names and words in TypeScript: each name is exported once, so that a search finds one thing; times are in UTC."""
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 

@@ -3,8 +3,6 @@
 Run `python -m tests.web.record_wire` when this fails.
 """
 
-from __future__ import annotations
-
 import base64
 from typing import Any, get_args
 

@@ -1,7 +1,5 @@
 """Style sheets of the page: what two of them need is a class of web/src/ui/, written once."""
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Iterator

@@ -10,8 +10,6 @@ library      a library of one recording
 recordings   two short recordings, to be opened
 """
 
-from __future__ import annotations
-
 import socket
 import struct
 import threading

@@ -6,8 +6,6 @@ simulators,
 made of the recordings then. They are never made anew: a format that changes gets a folder of its own beside them.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """docs/compatibility.md: the versions that it names are those that files, wire, HTTP, plug-ins and commands say."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 

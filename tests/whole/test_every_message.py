@@ -6,8 +6,6 @@ One item that cannot be shown or exported must not cost the others: a data set w
 the whole recording.
 """
 
-from __future__ import annotations
-
 import csv
 import functools
 import json

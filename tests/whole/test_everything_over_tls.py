@@ -1,7 +1,5 @@
 """A whole server over TLS: page, API, viewers."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Configuration files of former versions, with settings of extensions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.server.extensions.foxglove.settings import FoxgloveSettings

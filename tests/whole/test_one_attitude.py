@@ -3,8 +3,6 @@
 The page reads the same table (web/src/data/rotations.test.ts).
 """
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Any

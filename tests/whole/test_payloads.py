@@ -1,7 +1,5 @@
 """Payloads without a definition, too short or too long for their type: exports have all their bytes."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import json

@@ -1,7 +1,5 @@
 """`import imuscope`: files as arrays, a running server as an iterator; the guide's examples and the notebook run."""
 
-from __future__ import annotations
-
 import doctest
 import json
 import re

@@ -4,8 +4,6 @@ The expectation is derived from the method, so that a route that is added is jud
 all others change something. What differs from that stands in the two lists here, one by one and with its reason.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import re

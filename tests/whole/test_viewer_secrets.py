@@ -2,8 +2,6 @@
 through them past our rules; and what who may only look can do to a scene that all share.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

@@ -1,7 +1,5 @@
 """The heart of the program without its extensions: a folder that is left out leaves a server and a page without it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

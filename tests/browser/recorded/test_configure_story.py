@@ -1,7 +1,5 @@
 """The Configure page from recorded answers: accessibility, room on a phone, no motion, and keys beside a dialog."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from playwright.sync_api import Page

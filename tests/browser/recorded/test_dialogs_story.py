@@ -5,8 +5,6 @@ web/src/extensions/calibration/dialog.test.tsx and web/src/extensions/shares/dia
 tests/server/extensions/calibration/test_calibration_api.py and test_port_shares.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

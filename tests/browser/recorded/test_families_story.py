@@ -4,8 +4,6 @@ The page of an Inertial Sense device is looked at in test_families.py. Attitude,
 are tested in web/src/pages/live.test.tsx.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from playwright.sync_api import Page

@@ -1,7 +1,5 @@
 """The library and an opened recording, from recorded answers: accessibility, and room on a phone."""
 
-from __future__ import annotations
-
 import base64
 import struct
 from collections.abc import Callable

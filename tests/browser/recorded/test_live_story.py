@@ -5,8 +5,6 @@ finger can hit; a bar with room at every width. Keys, bar and dialogs are tested
 web/src/pages/top-bar.test.tsx and dialogs.test.tsx.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

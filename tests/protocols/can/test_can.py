@@ -1,7 +1,5 @@
 """CAN messages of an MTi: scales and bytes, sample groups, clocks and losses; and the stream in pieces."""
 
-from __future__ import annotations
-
 import random
 
 import numpy as np

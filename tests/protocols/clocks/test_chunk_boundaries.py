@@ -1,7 +1,5 @@
 """A frame that spans chunks has the arrival time of its first bytes."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -6,8 +6,6 @@ half a millisecond where the bursts beat with the stream, what `uncertainty_ns` 
 to the byte are in test_clock_sync_airtime.py.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ the frame on the wire (timing_model.py). Where the adapter's timer is in step wi
 alone can tell a slow clock from a delay that shrinks: there the ± must say so, and is all that is promised.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Unwrapped counters, and the losses they show."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

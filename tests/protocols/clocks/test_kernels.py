@@ -1,7 +1,5 @@
 """The hot loops of the clock mapping: as numpy computes them, compiled and in plain Python."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

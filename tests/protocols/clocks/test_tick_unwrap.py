@@ -1,7 +1,5 @@
 """Unwrapping does not depend on how the stream was cut. It must not; and it takes the same time whatever happens."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

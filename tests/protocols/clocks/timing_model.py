@@ -14,8 +14,6 @@ Source: FTDI, AN232B-04 "Data Throughput, Latency and Handshaking", sections 3.2
 packet of 64; the latency timer starts anew with each packet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

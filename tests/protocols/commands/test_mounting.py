@@ -1,7 +1,5 @@
 """Mounting rotations as the devices store them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

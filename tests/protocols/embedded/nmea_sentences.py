@@ -1,7 +1,5 @@
 """NMEA sentences with their checksums, and what they mean."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from tests.protocols.embedded.vectornav_sentences import VECTORNAV

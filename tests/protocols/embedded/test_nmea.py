@@ -3,8 +3,6 @@
 The values expected here were worked out by hand from the formats in MT0101P 2020.A, 5.3.5, and NMEA 0183.
 """
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st

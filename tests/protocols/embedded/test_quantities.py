@@ -1,7 +1,5 @@
 """Quantities from sentences: units of the sentence's table, complete vectors, wrapping headings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Content of UBX messages against pyubx2's (tests/golden/ubx/make.py), and what it becomes."""
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Any

@@ -3,8 +3,6 @@
 The manuals print most of them as replies to a read register ("$VNRRG,27,…"), with the same fields.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 _ANGLES = "+006.380,+000.023,-001.953"

@@ -1,7 +1,5 @@
 """The ladder of protocol families: each rule is fulfilled, or a reason says why it does not apply."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from imuscope.protocols.family.info import ProtocolInfo

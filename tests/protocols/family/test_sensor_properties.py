@@ -1,7 +1,5 @@
 """Properties of sensors that families declare."""
 
-from __future__ import annotations
-
 from math import degrees, sqrt
 
 import pytest

@@ -1,7 +1,5 @@
 """Frames of IDTP, valid and invalid."""
 
-from __future__ import annotations
-
 from imuscope.protocols.idtp.frames import CRC_AT, VERSION_AT
 from tests.oracles import idtp as oracle
 

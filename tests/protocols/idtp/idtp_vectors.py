@@ -4,8 +4,6 @@ vectors.json    vendor: encoded and read by the reference implementation
 computed.json   computed by tests/oracles/idtp.py: every payload type in every mode, and what has no description
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """The vendor's own types of IDTP, and composed frames."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sequences, trust, time, devices and datagrams of IDTP."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Frames of any type and mode, with a key; errors of a protocol without settings."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

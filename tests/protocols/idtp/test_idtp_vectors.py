@@ -1,7 +1,5 @@
 """Agreement of the IDTP decoder with the reference implementation, and coverage of its tables."""
 
-from __future__ import annotations
-
 import json
 import struct
 from typing import Any

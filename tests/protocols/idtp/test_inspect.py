@@ -1,7 +1,5 @@
 """`imuscope inspect` of IDTP: keys, modes, replays; and composing the frame from each line."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

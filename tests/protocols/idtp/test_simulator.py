@@ -1,7 +1,5 @@
 """The simulated IDTP sensor: its output follows the trajectory, in every mode, with every fault."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The driver of an IMX with a simulated device."""
 
-from __future__ import annotations
-
 import copy
 import functools
 from collections.abc import Mapping

@@ -6,8 +6,6 @@ forms.json                 computed by tests/oracles/isb_forms.py: packet types,
 formats.json               the structures as the facts give them, for the oracle
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Time across fix and restart, parts of sets, embedded messages between packets, and named events."""
 
-from __future__ import annotations
-
 import datetime
 import struct
 

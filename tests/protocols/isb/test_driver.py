@@ -1,7 +1,5 @@
 """Configuration of an Inertial Sense device as documented: requests, writes, read-back, refusals and silence."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections import Counter

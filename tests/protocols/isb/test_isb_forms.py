@@ -1,7 +1,5 @@
 """Packet types, raw GNSS data, velocity frames and the structures of other firmware, against the facts alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

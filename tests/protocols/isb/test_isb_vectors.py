@@ -1,7 +1,5 @@
 """Agreement of every ISB row with the vendor, and coverage of the tables."""
 
-from __future__ import annotations
-
 import json
 import struct
 from typing import Any

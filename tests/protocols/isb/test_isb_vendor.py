@@ -1,7 +1,5 @@
 """The tables of ISB agree with the vendor's header: its names and numbers are in golden/isb/vendor.json."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -8,8 +8,6 @@ A .raw log is the port's bytes. A .dat log holds data sets without packets, in c
 It is taken apart here, plainly, and each record is put into a packet. An .idx has for some moments where the .raw was.
 """
 
-from __future__ import annotations
-
 import json
 import lzma
 import math

@@ -1,7 +1,5 @@
 """Settings and commands of ISB: wire units, the vendor's ranges, readable texts."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Streams of an Inertial Sense device are read, changed and preserved."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

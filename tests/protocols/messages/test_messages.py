@@ -1,7 +1,5 @@
 """The stream of messages: what comes from outside never raises, is bounded, and leaves good messages whole."""
 
-from __future__ import annotations
-
 import math
 import struct
 from itertools import pairwise

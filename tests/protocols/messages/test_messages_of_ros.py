@@ -1,7 +1,5 @@
 """Messages of every common ROS 2 type with random content: the numbers that rosbags has put into them."""
 
-from __future__ import annotations
-
 from random import Random
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Kernels with everything that is translated, copied into a package of their own by test_kernels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kernels: the same answers as plain Python and as machine code, which is used for its own source only."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import inspect

@@ -1,7 +1,5 @@
 """A short stretch of another protocol in a stream is detected; chance matches are not."""
 
-from __future__ import annotations
-
 import functools
 import random
 

@@ -1,7 +1,5 @@
 """Rows of a table ⇄ bytes, and errors of callers."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

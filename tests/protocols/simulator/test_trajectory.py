@@ -3,8 +3,6 @@
 Bounds are those of the integration here (1 ms steps, a pothole of 9 ms), not of the motion.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

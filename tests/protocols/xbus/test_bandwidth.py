@@ -2,8 +2,6 @@
 simulator.
 """
 
-from __future__ import annotations
-
 import struct
 from collections import Counter
 from pathlib import Path

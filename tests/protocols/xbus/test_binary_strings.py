@@ -3,8 +3,6 @@
 Computed by hand from MT0101P 2020.A, 5.3.5: heading 123.45°, roll −1.50°, pitch 2.50°, heave 0.
 """
 
-from __future__ import annotations
-
 import random
 
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Every documented command is in the tables, with products and ranges, and encodes to the right bytes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from typing import Any

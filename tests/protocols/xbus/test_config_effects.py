@@ -1,7 +1,5 @@
 """Effects of a change on the link, rediscovery of the device, and factory settings."""
 
-from __future__ import annotations
-
 import pytest
 
 from imuscope.protocols.commands.transactions import DeviceContext, Transaction, Values

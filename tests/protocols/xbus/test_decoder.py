@@ -1,7 +1,5 @@
 """Time, loss and patience of the Xbus decoder, and the texts between its frames."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

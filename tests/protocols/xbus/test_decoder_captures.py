@@ -1,7 +1,5 @@
 """Every frame of the device captures decodes to the values of the vendor's reader, line by line."""
 
-from __future__ import annotations
-
 import json
 import math
 from itertools import pairwise

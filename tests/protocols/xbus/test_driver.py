@@ -1,7 +1,5 @@
 """Transactions bring an MTi to the requested state and back, whatever it does. Played against the simulator."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from typing import Any

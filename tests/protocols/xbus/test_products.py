@@ -1,7 +1,5 @@
 """Products and data that are newer than the documents: with rules, or said to have none; never with false ones."""
 
-from __future__ import annotations
-
 import struct
 
 from imuscope.protocols.commands.transactions import DeviceContext

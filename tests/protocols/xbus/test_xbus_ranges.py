@@ -1,7 +1,5 @@
 """Values out of range are refused at their field; values in range read back unchanged."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

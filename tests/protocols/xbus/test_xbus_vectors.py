@@ -1,7 +1,5 @@
 """Agreement of the Xbus decoder with the vendor's, and coverage of the tables."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The tables of Xbus agree with the vendor's headers: their names and numbers are in golden/xbus/vendor.json."""
 
-from __future__ import annotations
-
 import json
 
 from tests.vendor.xsens import CONSTANTS_FILE, SOURCE, differences

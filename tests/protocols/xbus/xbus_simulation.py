@@ -1,7 +1,5 @@
 """A simulated MTi: its output and its answers."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import struct

@@ -2,8 +2,6 @@
 spoilt.
 """
 
-from __future__ import annotations
-
 import copy
 import functools
 from typing import Any

@@ -1,7 +1,5 @@
 """Values for every command of every MTi, as a form starts with them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

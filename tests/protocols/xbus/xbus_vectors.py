@@ -6,8 +6,6 @@ sample.mtb                 a file in the layout of the vendor's program
 computed.json              computed by tests/oracles/xbus.py, for rows that the others do not meet
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Statistics of any range: equal to those of the whole at once, and circular where a column wraps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A query of a store equals a plain loop over all rows at every zoom, and hides no fault."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

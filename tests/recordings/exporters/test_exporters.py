@@ -1,7 +1,5 @@
 """Exports read back equal with other readers, cover exactly the requested range and use little memory."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

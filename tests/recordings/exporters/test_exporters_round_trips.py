@@ -1,7 +1,5 @@
 """Round trips: a file that is exported and opened again is the same, value by value, where the guide says so."""
 
-from __future__ import annotations
-
 import gzip
 import re
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Files of other programs: every record of the vendor's logs has its listed values, and damage never raises."""
 
-from __future__ import annotations
-
 import functools
 import json
 import math

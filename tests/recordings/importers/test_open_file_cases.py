@@ -1,7 +1,5 @@
 """Real cases of the field: each file of ../shared/field that is a table is read right, or refused with the remedy."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

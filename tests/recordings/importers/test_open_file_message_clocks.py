@@ -1,7 +1,5 @@
 """Clocks of recordings of other kinds in the field: stamps of ROS messages, GNSS logs, legacy output of a device."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

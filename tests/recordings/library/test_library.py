@@ -1,7 +1,5 @@
 """A real folder: listing, editing, deleting, restoring; hostile names and damaged files do no harm."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A library with things in it that are no files, or that no name can be written for: the others are well."""
 
-from __future__ import annotations
-
 import ast
 import os
 import socket

@@ -1,7 +1,5 @@
 """The direct writer: all reads of followed links, in order and with their times, compiled and in plain Python."""
 
-from __future__ import annotations
-
 import resource
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """Written chunks reach the disk in order; a failing disk is reported."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import threading

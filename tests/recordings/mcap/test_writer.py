@@ -1,7 +1,5 @@
 """A recording is a plain MCAP file, loses no written data, and has the same messages after compaction."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json

@@ -1,7 +1,5 @@
 """MCAP files written by other libraries: ROS 2 bags, protobuf; malformed ones do no harm."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Logs written by the vendor's software."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.support.source_files import ROOT

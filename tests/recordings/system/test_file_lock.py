@@ -1,7 +1,5 @@
 """A file being written belongs to its writer alone, across processes."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A process that decodes asks the system for its memory once, not for each chunk."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

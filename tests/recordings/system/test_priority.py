@@ -1,7 +1,5 @@
 """Work in the background goes after live devices."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

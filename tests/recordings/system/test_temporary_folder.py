@@ -1,7 +1,5 @@
 """Temporary folders: each is removed by its process, or else by the next one."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

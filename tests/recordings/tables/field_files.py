@@ -1,7 +1,5 @@
 """Files after real cases of the field, beside the project; tests of them are skipped, with the reason, without it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Rows with marks around their cells (Arduino's serial monitor, WISDM), and tables whose times nothing names."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

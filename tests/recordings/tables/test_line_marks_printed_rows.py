@@ -1,7 +1,5 @@
 """Rows as programs print them, with the names beside the numbers; and headings of more lines or names than the rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Choices on how a file is read are kept beside it, and followed wherever it is opened."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

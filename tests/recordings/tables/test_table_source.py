@@ -1,7 +1,5 @@
 """Tables of other programs: CSV with any kind of times, MCAP with JSON; invalid numbers are reported."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables as loggers, phones and programs of vendors write them: where each begins, its vectors and units."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Sequence

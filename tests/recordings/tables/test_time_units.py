@@ -1,7 +1,5 @@
 """Tables with times of any unit, epoch and step: the unit that is reported is right, or the file is refused."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Sequence

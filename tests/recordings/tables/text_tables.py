@@ -1,7 +1,5 @@
 """Text tables for tests: made of an expression of the row's number, and read."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Access control: the complete matrix of origins, routes and credentials."""
 
-from __future__ import annotations
-
 import itertools
 
 import pytest

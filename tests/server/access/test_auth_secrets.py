@@ -1,7 +1,5 @@
 """Tokens are never printed, written or sent. That one is in no address after its first use: test_api.py."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import socket

@@ -1,7 +1,5 @@
 """Limits on wrong tokens, by address, and exemptions from them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """A flood from one address is refused with a message; other addresses and the page are not affected."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Callable

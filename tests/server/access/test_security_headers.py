@@ -1,7 +1,5 @@
 """Security headers of every response by path: policies, types, and permitted embedding."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """The HTTP API: behaviour of the routes, and one error format for all."""
 
-from __future__ import annotations
-
 import json
 import re
 import socket

@@ -4,8 +4,6 @@ Each is sent wherever a name, a title, a text or an id is taken. What is answere
 errors where it is one; what lies on disk afterwards lies in the data folder and has a name that any system can hold.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

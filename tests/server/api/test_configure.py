@@ -1,7 +1,5 @@
 """Configuration over HTTP and the WebSocket, as the page does it: real server, two simulators, several users."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Routes that are built at their first request, each as FastAPI builds it."""
 
-from __future__ import annotations
-
 import pytest
 from fastapi import FastAPI
 from fastapi.routing import APIRoute

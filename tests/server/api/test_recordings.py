@@ -1,7 +1,5 @@
 """The library over HTTP with the real application: lists, texts, uploads and limits, downloads, exports."""
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

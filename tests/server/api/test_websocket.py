@@ -1,7 +1,5 @@
 """Samples on a real WebSocket: a simulator in a subprocess, slow and stalled browsers."""
 
-from __future__ import annotations
-
 import json
 import socket
 import time

@@ -3,8 +3,6 @@
 The same at length, with its figures, is tests/bench/load.py.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """The routes are imported at the first request: a robot without viewers has neither them nor what they need."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

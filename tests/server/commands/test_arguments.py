@@ -1,7 +1,5 @@
 """Commands, options and their values: positions, messages, and input through a pipe."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 import json

@@ -1,7 +1,5 @@
 """The tables as text and over HTTP: the same rows as the forms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Frames round-trip through the real command line, and texts become the intended frame."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`imuscope decode`: the named files exist with the contents of the recording; errors are one line."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os

@@ -1,7 +1,5 @@
 """`imuscope doctor`: simulated machines with one problem each."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

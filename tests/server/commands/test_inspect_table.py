@@ -1,7 +1,5 @@
 """The table of `imuscope inspect`: units and names, and no terminal control characters."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

@@ -1,7 +1,5 @@
 """`imuscope record`: a file with the received data, ended by time, by hand or by the source; no file without data."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """`imuscope replay`: the original bytes, at their pace, over real sockets and a real pseudo-terminal."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import errno

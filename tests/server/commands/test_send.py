@@ -1,7 +1,5 @@
 """`imuscope send`: answers, read-back, refusals, and confirmation."""
 
-from __future__ import annotations
-
 import json
 import signal
 import socket

@@ -1,7 +1,5 @@
 """A simulated device is a serial port, or a TCP address, for any other program."""
 
-from __future__ import annotations
-
 import os
 import socket
 import stat

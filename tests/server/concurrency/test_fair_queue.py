@@ -1,7 +1,5 @@
 """Turns at a few slots: each user gets one, whoever asks more often."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Sequence
 

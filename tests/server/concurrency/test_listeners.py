@@ -1,7 +1,5 @@
 """Lists of callbacks: an odd message ends neither the others nor the one that failed."""
 
-from __future__ import annotations
-
 import logging
 
 import pytest

@@ -1,7 +1,5 @@
 """Two devices on one line."""
 
-from __future__ import annotations
-
 from imuscope.server.configuration.device_controller import DeviceController
 from tests.support.control_harness import ControlHarness
 from tests.support.waiting import until

@@ -1,7 +1,5 @@
 """Change requests before they become jobs."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, cast
 

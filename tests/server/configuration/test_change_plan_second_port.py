@@ -1,7 +1,5 @@
 """A 600-series MTi with the host on its UART: port changes need confirmation."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 afterwards.
 """
 
-from __future__ import annotations
-
 import asyncio
 from functools import partial
 from pathlib import Path

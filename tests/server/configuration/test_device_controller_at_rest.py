@@ -1,7 +1,5 @@
 """A device set to the config state by the user stays there until the user ends it."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Two MTi on one line, each read and changed separately under its bus identifier, behind a real port."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import json

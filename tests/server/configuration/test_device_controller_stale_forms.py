@@ -1,7 +1,5 @@
 """Settings changed by a command: forms do not show outdated values."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Jobs that are stopped while others wait, while they are stopped already, or while their device is removed."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from functools import partial

@@ -1,7 +1,5 @@
 """Preview of arbitrary client values: problems at their fields, never an internal error; and form contents."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hypothesis import given

@@ -4,8 +4,6 @@ A fake MTi reports, in each setting and field in turn, a value that the tables d
 setting is then changed, and the reported one is sent as it was.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Mapping
 from functools import partial

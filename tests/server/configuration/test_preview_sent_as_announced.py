@@ -4,8 +4,6 @@ Besides reads, and the states of an MTi in which it is read and written, a devic
 preview.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Profiles for other devices, and the link budget check on every way of changing settings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Devices are put back into the state in which they were found, also by the next run of a server that was killed."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import threading

@@ -1,7 +1,5 @@
 """A device disconnected during a write: it is read after its return, and applied settings are reported."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import partial

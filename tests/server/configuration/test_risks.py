@@ -2,8 +2,6 @@
 line.
 """
 
-from __future__ import annotations
-
 import asyncio
 import io
 from pathlib import Path

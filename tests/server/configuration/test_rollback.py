@@ -1,7 +1,5 @@
 """Automatic rollback: absent user, killed server, poor cable, another device, full disk."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import threading

@@ -1,7 +1,5 @@
 """A rollback restores the values read, even if the tables do not allow them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path

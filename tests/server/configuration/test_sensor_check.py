@@ -1,7 +1,5 @@
 """A change, a link and a name reach the sensor that was meant: on any port, after a restart, after a swap."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

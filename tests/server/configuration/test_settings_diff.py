@@ -1,7 +1,5 @@
 """A comparison covers settings only, not temperatures, counters and momentary states."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Snapshots: round trip, names that are never paths, and harmless handling of untrusted text."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

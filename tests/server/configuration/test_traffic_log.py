@@ -1,7 +1,5 @@
 """The traffic log: entries, summaries, and limits for frequent messages."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

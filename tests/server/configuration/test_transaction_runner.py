@@ -1,7 +1,5 @@
 """The trace of a transaction: where its generators are, and what they wait for."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import Callable, Generator

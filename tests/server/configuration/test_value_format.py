@@ -1,7 +1,5 @@
 """One value, one unit: each scaled field of each setting and command, as inspect, compose, form and refusal show it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any

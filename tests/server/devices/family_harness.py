@@ -1,7 +1,5 @@
 """A session with a device of any family, on a manual clock."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import AbstractAsyncContextManager
 from typing import Any

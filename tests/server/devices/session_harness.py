@@ -1,7 +1,5 @@
 """One session with a link and a clock that the test moves."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

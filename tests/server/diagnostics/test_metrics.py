@@ -1,7 +1,5 @@
 """/metrics, read by the official Prometheus parser, agrees with events."""
 
-from __future__ import annotations
-
 import json
 import re
 import time

@@ -1,7 +1,5 @@
 """HTTPS: with a generated certificate, with a given one, and errors for neither."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import datetime

@@ -1,7 +1,5 @@
 """Map tiles: from the configured server only, images only, bounded, without access to other hosts."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer

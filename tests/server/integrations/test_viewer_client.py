@@ -1,7 +1,5 @@
 """Names under which a viewer's process announces devices."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

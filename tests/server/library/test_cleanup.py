@@ -1,7 +1,5 @@
 """Files of a server can be read by its user only: they may hold addresses with secrets, and positions."""
 
-from __future__ import annotations
-
 import stat
 from pathlib import Path
 

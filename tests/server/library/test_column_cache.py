@@ -1,7 +1,5 @@
 """The cache of decoded columns: the oldest go first, and what another recording's decoding is making stays."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Compaction in a subprocess: queued recordings are compacted, and a failing one does not stop the others."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import subprocess

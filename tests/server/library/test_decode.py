@@ -1,7 +1,5 @@
 """A decoded recording has the rows and events of the live page, in little memory."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Times of captures without arrival times follow the device's clock: spacing, length, pauses, date."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """Warnings of a decoder become sentences in the event log."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.protocols.idtp.frames import build

@@ -1,7 +1,5 @@
 """The columns of a recording are rebuilt if, and only if, a part of its decoding has changed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

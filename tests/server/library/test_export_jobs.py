@@ -1,7 +1,5 @@
 """Exports of a recording that the server rewrites at the same time."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Estimated export sizes are close to the real ones, for every family and column format."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The packet view: which frame made a sample, what each of its bytes means, and what lies around it."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

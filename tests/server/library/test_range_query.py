@@ -1,7 +1,5 @@
 """One query for live and recorded data: the same rows and buckets, as frames and tables."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import json

@@ -1,7 +1,5 @@
 """Requested tables and exported files: in order, one at a time, with distinct names."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from starlette.requests import Request

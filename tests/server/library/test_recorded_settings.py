@@ -1,7 +1,5 @@
 """Settings in a recording are shown as in Configure, without omissions."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Recording as users do it: button, marker, `--record`; and the contents of the file, however the server ends."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import os

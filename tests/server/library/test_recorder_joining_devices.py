@@ -1,7 +1,5 @@
 """Devices that appear while a recording begins, goes on, or ends; and one that is stopped while it ends."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from pathlib import Path

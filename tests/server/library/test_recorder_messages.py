@@ -1,7 +1,5 @@
 """Recordings of a source of messages: the messages as they came, for every MCAP reader; and the same numbers again."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

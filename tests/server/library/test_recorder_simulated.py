@@ -1,7 +1,5 @@
 """Mark of simulated data: at a device, in its recordings and exports, and when these are played as a device."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Stored workspaces: over HTTP with rights and revisions, and as files that survive anything."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator

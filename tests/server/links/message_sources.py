@@ -1,7 +1,5 @@
 """A session of a source of messages, with its telemetry, and a Foxglove server by Foxglove's own SDK."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time

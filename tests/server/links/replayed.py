@@ -1,7 +1,5 @@
 """A recording of devices with known bytes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.recordings.mcap.compaction import compact

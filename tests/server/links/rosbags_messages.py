@@ -1,7 +1,5 @@
 """Messages of ROS 2 made by rosbags, an implementation that shares no code with ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

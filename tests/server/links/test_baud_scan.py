@@ -1,7 +1,5 @@
 """The baud scan on pseudo-terminals with a baud rate: at another rate, a port receives what a real receiver would."""
 
-from __future__ import annotations
-
 import asyncio
 import termios
 from typing import Any

@@ -1,7 +1,5 @@
 """A capture played by the device's own clock: pace, messages, end."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import time

@@ -1,7 +1,5 @@
 """foxglove:// against a server of Foxglove's own SDK, with messages made by rosbags."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import time

@@ -1,7 +1,5 @@
 """A pipe as a source: device bytes are not delayed; a capture written at once is played at its own pace."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import threading

@@ -1,7 +1,5 @@
 """The list of serial ports, and listening on the free ones."""
 
-from __future__ import annotations
-
 import io
 import os
 from pathlib import Path

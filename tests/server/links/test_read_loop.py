@@ -1,7 +1,5 @@
 """The compiled reading loop: every read with its own time, whatever is gathered, and the same in plain Python."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import struct

@@ -1,7 +1,5 @@
 """A recording as a source: unchanged bytes of each device, and errors."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The serial link on real pseudo-terminals: bytes, arrival times, unplugging, refusals, clean-up."""
 
-from __future__ import annotations
-
 import asyncio
 import errno
 import os

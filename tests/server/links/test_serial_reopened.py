@@ -1,7 +1,5 @@
 """Closing and reopening a link at another rate, as required by a rate change of the device."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """The simulated line: transparent without faults, and each fault as specified."""
 
-from __future__ import annotations
-
 import random
 import time
 

@@ -2,8 +2,6 @@
 cable.
 """
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import os

@@ -1,7 +1,5 @@
 """The grammar of sources: accepted forms, and errors for others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

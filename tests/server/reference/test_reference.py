@@ -1,7 +1,5 @@
 """Reference pages: correct, complete and harmless in a browser."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from collections import Counter

@@ -1,7 +1,5 @@
 """Settings: the command line overrides the file, which overrides defaults; errors are reported."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any

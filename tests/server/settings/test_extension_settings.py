@@ -1,7 +1,5 @@
 """Settings of extensions of other packages: those that cannot be used are named, and stop nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """The log: one line per event, without secrets, floods or forged lines."""
 
-from __future__ import annotations
-
 import io
 import json
 import logging

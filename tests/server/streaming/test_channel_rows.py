@@ -1,7 +1,5 @@
 """Samples are appended to a ring as they were on the wire: the same as by their columns, for every message."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Channels: splitting of batches, names of columns, and merging of layouts in stream order."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Store, bus and fan-out: exact backfill for late browsers, the same bytes for all, bounded memory."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from typing import Any

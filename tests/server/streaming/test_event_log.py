@@ -1,7 +1,5 @@
 """Events for clients that connect later, including all that are drawn over samples."""
 
-from __future__ import annotations
-
 from imuscope.server.streaming.event_log import CHANGES_RESENT, EVENTS_PER_MESSAGE, MAX_MARKS, EventLog
 from imuscope.server.wire import EventInfo, EventKind
 

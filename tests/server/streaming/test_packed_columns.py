@@ -1,7 +1,5 @@
 """Packed columns are the same again, bit by bit, and clocks take little memory."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

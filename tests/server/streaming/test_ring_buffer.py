@@ -1,7 +1,5 @@
 """The ring keeps the newest samples, exactly, in bounded memory."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The send queue: a slow browser loses the oldest samples, counted exactly, and never events."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

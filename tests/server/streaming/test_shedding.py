@@ -1,7 +1,5 @@
 """Shedding of load while decoding is behind, and the reason for that."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The telemetry sink interface: a live bus, the store of a recording and other sinks receive the same data."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Payloads without a definition: none are lost or decoded, and noise cannot fill memory with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

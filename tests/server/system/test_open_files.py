@@ -1,7 +1,5 @@
 """Names of programs, from their command lines."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from imuscope.server.system.open_files import program_of

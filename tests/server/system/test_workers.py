@@ -1,7 +1,5 @@
 """Worker processes of the library: reports, failures and shutdown."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable
 from pathlib import Path

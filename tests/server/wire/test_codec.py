@@ -5,8 +5,6 @@ Each entry says in words what it is, gives the header and the columns as numbers
 `python -m tests.server.wire.test_codec` writes the bytes anew after the wire has changed on purpose.
 """
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

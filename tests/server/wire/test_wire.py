@@ -1,7 +1,5 @@
 """The wire format in both directions in Python, and up-to-date types of the page."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

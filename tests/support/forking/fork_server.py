@@ -18,8 +18,6 @@ distributes tests names a socket in the environment (`share`). It imports when t
 the process that started it.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import ctypes

@@ -5,8 +5,6 @@ gets its workers so: one in the test's process, and one that the nursery forked.
 and servers that are started afresh, start interpreters.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import subprocess

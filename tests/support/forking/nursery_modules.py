@@ -1,7 +1,5 @@
 """Modules that the nursery of the tests (fork_server.py) imports before it forks, and names of what it forks."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 

@@ -1,7 +1,5 @@
 """Forked workers of a server: their end is seen, whoever looks first."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import select

@@ -4,8 +4,6 @@ Packets with the same fields in the same order are one batch. The time of a pack
 one; there is no counter, so nothing can be said of what was lost.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 

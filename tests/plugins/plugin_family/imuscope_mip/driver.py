@@ -7,8 +7,6 @@ read, save (over power), load, default. Devices answer while they stream, so no 
 Numbers and layouts serve as proof of the plug-in interface; they were not compared with the vendor's manual.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any

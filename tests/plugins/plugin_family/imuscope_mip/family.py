@@ -1,7 +1,5 @@
 """MIP as a protocol family: the object named by the entry point."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ differ; the function is its `prefix`.
 Source: numbers, layouts and units are those of the vendor's public MIP SDK; ../README.md names its files.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Decode options of MIP: properties that a device does not report."""
 
-from __future__ import annotations
-
 from imuscope.plugin import DecodeOption
 
 ARRIVAL = "arrival"

@@ -10,8 +10,6 @@ LENGTH counts the bytes of all fields. SUM is Fletcher's, modulo 256, over every
 Source: the vendor's public MIP SDK, src/c/mip/mip_packet.c and mip_field.c (../README.md).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from itertools import accumulate
 

@@ -1,7 +1,5 @@
 """Streams, bits, presets and configuration of a GPX."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

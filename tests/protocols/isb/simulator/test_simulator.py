@@ -2,8 +2,6 @@
 drive; everything it is told is answered as ISComm answers.
 """
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

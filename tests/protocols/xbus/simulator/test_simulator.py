@@ -2,8 +2,6 @@
 is answered as sections 4 and 5 of MT0101P 2020.A have it, and what it measures is the drive.
 """
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Answers of the simulated IMX-5. Everything that it is told is answered as section 5 of MT0101P 2020.A has it."""
 
-from __future__ import annotations
-
 import json
 import struct
 from typing import Any

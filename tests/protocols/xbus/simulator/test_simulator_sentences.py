@@ -1,7 +1,5 @@
 """Strings that the simulated MTi is configured to send, read back."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

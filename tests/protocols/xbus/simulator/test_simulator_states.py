@@ -1,7 +1,5 @@
 """The state in which an MTi is found, and left after a transaction."""
 
-from __future__ import annotations
-
 import pytest
 
 from imuscope.protocols.commands.transactions import DeviceContext, DeviceRestartedError

@@ -1,7 +1,5 @@
 """Bags of ROS 1 and 2 with the same samples, written by rosbags."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tables in Parquet, Arrow, NumPy and MATLAB files, written by their libraries."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Logs of flight controllers, written after the documents of their formats, without code of the readers."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

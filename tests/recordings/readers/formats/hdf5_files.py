@@ -1,7 +1,5 @@
 """HDF5 files written by h5py, and such as MATLAB 7.3 writes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py

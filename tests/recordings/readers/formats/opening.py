@@ -1,7 +1,5 @@
 """Opening files in tests: their columns, and what becomes of them when they are damaged."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

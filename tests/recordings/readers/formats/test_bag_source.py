@@ -1,7 +1,5 @@
 """Bags of ROS 1 and 2, in all their compressions, and damaged."""
 
-from __future__ import annotations
-
 import io
 import sqlite3
 import struct

@@ -3,8 +3,6 @@
 tests/golden/blackbox: 110 main frames each, of all encodings and predictors of Betaflight 4.3, and the numbers in them.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Logs of CAN frames: files of python-can and can-utils, every kind of times, other identifiers, and damage."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import os

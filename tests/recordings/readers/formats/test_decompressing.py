@@ -1,7 +1,5 @@
 """Zip, gzip and Zstandard of whatever opens, with their limits; and files that are not known."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import json

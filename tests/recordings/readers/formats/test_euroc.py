@@ -1,7 +1,5 @@
 """EuRoC folders, as folders and packed: several sensors, cameras, and sensors that cannot be read."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 from pathlib import Path

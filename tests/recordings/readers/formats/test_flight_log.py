@@ -1,7 +1,5 @@
 """Logs of PX4 and ArduPilot, with their date, units and what is left out; and damaged."""
 
-from __future__ import annotations
-
 import os
 import struct
 from pathlib import Path

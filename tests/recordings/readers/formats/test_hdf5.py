@@ -1,7 +1,5 @@
 """HDF5 files written by h5py, and MATLAB 7.3 files: HDF5 with the attributes that MATLAB gives its variables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """JSON text as phones, web pages and scripts write samples, and text in UTF-16."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Packets of an OXTS receiver in a folder, as KITTI raw data have them, and in a zip."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

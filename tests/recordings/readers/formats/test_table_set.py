@@ -1,7 +1,5 @@
 """Parquet, Arrow, NumPy and MATLAB files, written by their libraries, read as tables are."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Text logs in which rows of several sensors or messages follow one another."""
 
-from __future__ import annotations
-
 import re
 from functools import reduce
 from operator import xor

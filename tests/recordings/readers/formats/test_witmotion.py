@@ -1,7 +1,5 @@
 """Binary logs of WitMotion sensors, written by the formulas of their documents."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Frames of WitMotion sensors, by the formulas of their documents."""
 
-from __future__ import annotations
-
 import struct
 
 

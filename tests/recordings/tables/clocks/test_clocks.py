@@ -1,7 +1,5 @@
 """Clocks of text tables: known columns of many programs, dates, wraps, steps, and what is refused."""
 
-from __future__ import annotations
-
 import random
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A flood on one link: short turns, turns for the others, and reported drops."""
 
-from __future__ import annotations
-
 import asyncio
 import random
 import socket

@@ -1,7 +1,5 @@
 """Decode options of a source: on the command line, in the source and over HTTP; keys are never revealed."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Decode options of a device also apply to its recordings: unit of time, rotation, vendor types, key."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Decode scheduling: at the interval of the most demanding viewer, and at once for answers."""
 
-from __future__ import annotations
-
 import asyncio
 
 from imuscope.server.concurrency.heartbeat import UNWATCHED_S

@@ -1,7 +1,5 @@
 """Hints about a link fit the kind of link."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Any
 

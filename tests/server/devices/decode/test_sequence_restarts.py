@@ -1,7 +1,5 @@
 """Secure devices over lost connections and new starts of the server, and the unit of timestamps."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import socket

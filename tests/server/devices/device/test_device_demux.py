@@ -1,7 +1,5 @@
 """Complete captures of real devices through decoder, ingest and store, for any chunk boundaries."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Device identity learned from its own messages, without interrupting a measurement."""
 
-from __future__ import annotations
-
 from imuscope.protocols.events import Reply
 from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.device_info import identity as xbus_identity

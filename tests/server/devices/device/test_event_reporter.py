@@ -1,7 +1,5 @@
 """Repeated rejects are reported with exact counts, at growing intervals."""
 
-from __future__ import annotations
-
 from imuscope.protocols.events import RejectedFrame
 from imuscope.server.devices.device.event_reporter import EventReporter
 from imuscope.server.streaming.telemetry import Telemetry

@@ -1,7 +1,5 @@
 """Host times of one batch, the usual case, are those of the way for any number of batches, bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

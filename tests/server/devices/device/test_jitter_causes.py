@@ -2,8 +2,6 @@
 are the real ones; the clock is moved by the test.
 """
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 from contextlib import AbstractAsyncContextManager

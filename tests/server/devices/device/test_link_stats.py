@@ -1,7 +1,5 @@
 """Rates: correct for any bursts and spacing, and zero soon after the last arrival."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

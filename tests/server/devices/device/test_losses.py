@@ -1,7 +1,5 @@
 """Losses of a session: what was lost, why, and what was not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import islice
 

@@ -1,7 +1,5 @@
 """Silence timeout of a device."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.server.devices.session_harness import playing

@@ -1,7 +1,5 @@
 """Memory of the bytes of live links: what is kept, what gives way, and what is made of it."""
 
-from __future__ import annotations
-
 import random
 import threading
 import time

@@ -1,7 +1,5 @@
 """The state machine of a connection: legal and rejected events in every state, and a session that follows it."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 

@@ -1,7 +1,5 @@
 """Samples lost in an outage are counted if the device counts them, and unknown otherwise."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Any
 

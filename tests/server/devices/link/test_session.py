@@ -1,7 +1,5 @@
 """The life of a device, with a link and a clock that the test moves."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Chunks that are read together: the same samples, times, figures and recording as one chunk at a time."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import tempfile

@@ -3,8 +3,6 @@
 The protocols are the real ones; link and clock are moved by the test.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager

@@ -1,7 +1,5 @@
 """Requests about one device that come at once."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from typing import Any

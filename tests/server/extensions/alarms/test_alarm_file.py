@@ -1,7 +1,5 @@
 """Alarms whose file is being written when the server ends."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from pathlib import Path

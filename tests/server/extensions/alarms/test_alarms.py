@@ -1,7 +1,5 @@
 """Alarms of a server over HTTP: stored, evaluated on what a device sends, acknowledged, and reported everywhere."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

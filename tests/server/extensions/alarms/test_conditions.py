@@ -1,7 +1,5 @@
 """Conditions of alarms: units, vectors, several channels, flags, mistakes with their place."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

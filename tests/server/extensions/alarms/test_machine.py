@@ -1,7 +1,5 @@
 """The state machine of alarms against a slow oracle that looks at every pair of samples."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Conditions with filters and windows: in whatever pieces samples come, judged as all of them at once."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Preview of alarms: how often one would have been raised, live and in recordings, as by the machine itself."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A single sample beyond a limit, in an hour of 1 kHz, is an alarm and is in the buckets of every zoom."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings that alarms start: from before the limit was crossed to after the condition has ended, within bounds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace

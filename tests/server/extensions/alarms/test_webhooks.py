@@ -1,7 +1,5 @@
 """Webhooks of alarms, delivered to a real HTTP server that is well, slow, failing or gone."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 from pathlib import Path

@@ -1,7 +1,5 @@
 """An HTTP server that webhooks are delivered to, in tests."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ A sensor has a gyroscope (°/s) and an accelerometer (m/s²) of three axes, whit
 walk K on each, an attitude, a temperature and a status word, as far as `sends` names them. A fault changes it in place.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Analyses: statistics against a slow oracle, names of signals, and the same figures over HTTP, live and recorded."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import json

@@ -1,7 +1,5 @@
 """Calibrations over HTTP: a running one, seen alike by all, and one of a stretch; and exports that others can read."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

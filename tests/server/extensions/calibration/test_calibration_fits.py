@@ -1,7 +1,5 @@
 """Fits of calibrations: simulated sensors with known errors, a slow oracle, and data that determine no answer."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

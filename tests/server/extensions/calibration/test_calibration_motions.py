@@ -1,7 +1,5 @@
 """Six positions and mounting: simulated sensors with known errors, and motions that determine no answer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any

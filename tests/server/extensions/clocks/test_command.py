@@ -1,7 +1,5 @@
 """`imuscope time`: the clocks of a file, their steps, drift and jitter, and which one is the time axis."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

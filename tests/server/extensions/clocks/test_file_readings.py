@@ -1,7 +1,5 @@
 """Choices on how a recording is read, over HTTP: first rows under given options, and the memory of headings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

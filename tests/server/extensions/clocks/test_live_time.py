@@ -1,7 +1,5 @@
 """The clocks of live devices over HTTP, over what is in memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Clocks of text tables in two columns, in other digits, or coarser than the samples."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

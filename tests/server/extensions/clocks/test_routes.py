@@ -1,7 +1,5 @@
 """The clocks of an opened recording over HTTP."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """RTCM messages as a caster sends them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from imuscope.protocols.framing.checksums import crc24q

@@ -1,7 +1,5 @@
 """Corrections over HTTP, on a running server with real simulators."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Corrections for one of two devices that share a line."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Casters are real ones on a socket of this host; receivers are simulators, or stand in for one by counting what they get.
 """
 
-from __future__ import annotations
-
 import asyncio
 import base64
 from collections.abc import AsyncIterator, Awaitable, Callable

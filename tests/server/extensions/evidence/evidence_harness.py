@@ -1,7 +1,5 @@
 """Evidence files for tests: a store with positions, the file made of it, and what is embedded in that."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Evidence files: what is in them, how large they become, what is left out, and that nothing in them can run."""
 
-from __future__ import annotations
-
 import html
 import re
 import resource

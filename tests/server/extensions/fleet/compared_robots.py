@@ -1,7 +1,5 @@
 """Robots with known settings, for comparisons with a profile."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from imuscope.server.extensions.fleet.model.device_settings import DeviceSettings

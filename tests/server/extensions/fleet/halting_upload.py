@@ -3,8 +3,6 @@
 python -m tests.server.extensions.fleet.halting_upload PLACE upload FILE …
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A fleet server with passwords and tokens, and a robot of it that shows its pages."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

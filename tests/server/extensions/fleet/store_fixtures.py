@@ -1,7 +1,5 @@
 """Commands on a store, and the tables as another program reads them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil

@@ -1,7 +1,5 @@
 """An event loop in real time whose clock a test turns: what is due within the hour is due now."""
 
-from __future__ import annotations
-
 import asyncio
 from concurrent.futures import Future
 

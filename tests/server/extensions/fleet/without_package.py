@@ -3,8 +3,6 @@
 python -m tests.server.extensions.fleet.without_package PACKAGE upload FILE …
 """
 
-from __future__ import annotations
-
 import sys
 
 

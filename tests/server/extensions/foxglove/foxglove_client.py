@@ -1,7 +1,5 @@
 """A client of the Foxglove protocol."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -7,8 +7,6 @@
 Source: Foxglove WebSocket protocol v1 (foxglove/ws-protocol, docs/spec.md).
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

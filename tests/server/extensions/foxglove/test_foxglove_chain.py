@@ -1,7 +1,5 @@
 """A chain of two: one imuscope shows the devices of another, by its Foxglove server."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An exported .mcap has the topics, schemas and messages of the live Foxglove server."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import json

@@ -1,7 +1,5 @@
 """Foxglove topics of two devices of one product, and of a position with a separate height."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

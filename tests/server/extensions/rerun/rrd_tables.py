@@ -1,7 +1,5 @@
 """Tables of an .rrd file, as Rerun's own reader gives them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

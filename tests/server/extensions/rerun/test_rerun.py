@@ -1,7 +1,5 @@
 """Rerun behind the server's port: viewer files, streamed recordings, live data, and access control."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import contextlib

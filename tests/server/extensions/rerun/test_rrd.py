@@ -1,7 +1,5 @@
 """An `.rrd` file, read with Rerun's own reader, has the data of the columns under meaningful names and times."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

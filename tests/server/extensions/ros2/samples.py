@@ -1,7 +1,5 @@
 """Channels and samples for tests of ROS messages."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The attachment of ROS 2 messages, against the serializer of Zenoh."""
 
-from __future__ import annotations
-
 import pytest
 from zenoh.ext import Int64, z_serialize
 

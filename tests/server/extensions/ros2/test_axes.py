@@ -1,7 +1,5 @@
 """Attitudes and vectors in the axes of ROS, against what a rotation does to a vector."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

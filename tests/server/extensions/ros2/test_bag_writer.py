@@ -1,7 +1,5 @@
 """Exported ROS 2 bags, as rosbags reads them: topics, values, stamps, arrivals, covariances, and what is left out."""
 
-from __future__ import annotations
-
 import io
 import json
 import sqlite3

@@ -1,7 +1,5 @@
 """Messages made column by column, read by the deserializer of rosbags."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

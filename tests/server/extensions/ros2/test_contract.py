@@ -1,7 +1,5 @@
 """The contract of a robot: what is refused at the start, what is a breach, and when it is mended."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

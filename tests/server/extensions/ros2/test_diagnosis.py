@@ -1,7 +1,5 @@
 """The finding of `imuscope doctor` about the router of ROS 2."""
 
-from __future__ import annotations
-
 import socket
 
 from imuscope.server.extensions.ros2.diagnosis import findings

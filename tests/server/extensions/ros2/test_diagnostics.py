@@ -1,7 +1,5 @@
 """Diagnostics of a device, read by rosbags."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from imuscope.server.extensions.ros2.diagnostics import ARRAY, DiagnosticCounts, diagnostics

@@ -1,7 +1,5 @@
 """Exported EuRoC folders: layout, heading, description; moments that lack a number."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Key expressions of ROS 2 over Zenoh, against the examples in the design document of rmw_zenoh."""
 
-from __future__ import annotations
-
 import pytest
 
 from imuscope.server.extensions.ros2.key_expressions import (

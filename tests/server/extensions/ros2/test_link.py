@@ -1,7 +1,5 @@
 """ros2:// against a Zenoh router and publishers in the form of rmw_zenoh, with messages made by rosbags."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

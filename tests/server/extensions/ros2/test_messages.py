@@ -1,7 +1,5 @@
 """Messages of ROS from samples: values, axes, units, stamps, covariances; read by rosbags."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

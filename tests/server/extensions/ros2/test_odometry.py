@@ -1,7 +1,5 @@
 """Velocity and odometry with covariances, as rosbags reads them; covariances by hand and from a measurement."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

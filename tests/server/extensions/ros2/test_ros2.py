@@ -1,7 +1,5 @@
 """Devices as nodes of ROS 2: graph, messages, switches, routers; seen by a session that is a router, too."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

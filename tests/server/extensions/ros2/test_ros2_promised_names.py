@@ -1,7 +1,5 @@
 """Names that others use: the same from the first announcement on, over restarts, whatever is learnt of a device."""
 
-from __future__ import annotations
-
 import asyncio
 from dataclasses import replace
 from pathlib import Path

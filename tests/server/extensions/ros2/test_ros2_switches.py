@@ -1,7 +1,5 @@
 """Topics of ROS 2 that are switched off, over restarts; the ROS domain of the environment."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Sessions of Zenoh: a router that is absent at first, stops and comes again."""
 
-from __future__ import annotations
-
 from contextlib import closing
 
 import pytest

@@ -1,7 +1,5 @@
 """Types of ROS 2 messages: hashes that ROS ships, serialization, foreign bytes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

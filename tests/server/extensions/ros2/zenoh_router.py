@@ -1,7 +1,5 @@
 """A Zenoh router on loopback, for tests: what `zenohd` and `rmw_zenohd` are."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager

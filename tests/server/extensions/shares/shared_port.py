@@ -1,7 +1,5 @@
 """A port that is shared, for tests: a pseudo-terminal in place of the device's, and a link to its holder."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """A robot's port, shared: its driver goes on whatever the server does, and the page shows who is there."""
 
-from __future__ import annotations
-
 import json
 import os
 import select

@@ -1,7 +1,5 @@
 """The loop of a holder as machine code: as plain Python, byte for byte, also to who takes less; its priority."""
 
-from __future__ import annotations
-
 import os
 import select
 import socket

@@ -1,7 +1,5 @@
 """Settings of shared ports, from the file and from the command line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A shared port with a real holder process, real pseudo-terminals and sockets."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import re

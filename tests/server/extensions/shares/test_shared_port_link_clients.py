@@ -1,7 +1,5 @@
 """Clients of a shared port that configure the device, flood it, wait or set rates, and a holder that fails."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

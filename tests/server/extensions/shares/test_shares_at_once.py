@@ -1,7 +1,5 @@
 """Requests about the shares of one port that come at once."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import threading

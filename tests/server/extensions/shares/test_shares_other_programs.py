@@ -1,7 +1,5 @@
 """Clients of a shared port that nobody here wrote: socat and pyserial's miniterm."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """The terminal of a share, between two programs that open it one after the other."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import itertools

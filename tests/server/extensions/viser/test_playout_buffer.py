@@ -1,7 +1,5 @@
 """Rows that arrive in bursts are shown one after another, and none waits without a limit."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Attitude, gravity and track of a device in a 3D scene; accepted meshes."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct

@@ -1,7 +1,5 @@
 """A 3D scene that follows the player of a recording: it pauses, moves and ends with its page."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Iterator

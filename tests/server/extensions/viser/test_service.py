@@ -1,7 +1,5 @@
 """Viewers of 3D scenes, counted, with a process that only says that it serves each scene."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Mapping
 from typing import Any

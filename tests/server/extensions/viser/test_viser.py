@@ -1,7 +1,5 @@
 """viser behind the server's port: lifetime, forwarding, access control. The real viser, in its own process."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

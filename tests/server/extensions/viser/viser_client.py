@@ -4,8 +4,6 @@ from viser   u64 size │ u64 compressed size │ zstd of MessagePack {"messages
 to viser     MessagePack of one message; after the first camera one counts as a viewer
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import AsyncIterator
 from importlib.metadata import version

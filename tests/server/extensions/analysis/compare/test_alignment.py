@@ -1,7 +1,5 @@
 """Alignment by cross-correlation: simulated motion with a known offset, noise, gaps, and what is refused."""
 
-from __future__ import annotations
-
 import collections
 import itertools
 import re

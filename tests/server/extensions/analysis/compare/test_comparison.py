@@ -1,7 +1,5 @@
 """Comparison of two sides: differences against a slow oracle and closed forms, attitudes, and the routes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

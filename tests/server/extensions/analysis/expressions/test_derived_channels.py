@@ -1,7 +1,5 @@
 """Computed signals of live devices: channels on the bus that follow, survive a restart, and end when removed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

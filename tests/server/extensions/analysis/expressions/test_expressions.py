@@ -1,7 +1,5 @@
 """Expressions: syntax, units, functions against plain computations, and mistakes that are marked where they are."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

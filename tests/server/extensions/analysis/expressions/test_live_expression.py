@@ -1,7 +1,5 @@
 """Expressions batch by batch: in whatever pieces samples come, the result is that of everything at once."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import re

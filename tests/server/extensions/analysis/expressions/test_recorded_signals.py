@@ -1,7 +1,5 @@
 """Computed signals of recordings: their definitions are recorded, and any server that opens the file shows them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

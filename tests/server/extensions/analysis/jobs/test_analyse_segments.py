@@ -1,7 +1,5 @@
 """A clock that steps back: no statistic, spectrum, Allan deviation or filter runs across the step."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

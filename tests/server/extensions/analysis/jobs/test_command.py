@@ -1,7 +1,5 @@
 """`imuscope calibrate`, `analyse A comparison --with B` and evidence by `decode`: known parameters come out."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Limits of analyses: memory, time, turns, and the end with their client. Each runs in a process of its own."""
 
-from __future__ import annotations
-
 import asyncio
 import collections
 import itertools

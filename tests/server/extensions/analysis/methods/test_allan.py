@@ -1,7 +1,5 @@
 """Allan deviation: against NIST's figures, allantools and noise of known parameters; motion and gaps are left out."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

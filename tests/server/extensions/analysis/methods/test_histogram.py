@@ -1,7 +1,5 @@
 """Histograms: against numpy, of angles, of a range, and of signals with one value."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

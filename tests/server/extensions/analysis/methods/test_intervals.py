@@ -1,7 +1,5 @@
 """Intervals in which a condition is true: against a slow oracle, in pages, from both ends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

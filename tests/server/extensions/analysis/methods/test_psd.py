@@ -1,7 +1,5 @@
 """Spectra: against scipy where nothing is missing, against closed forms, and honest about gaps, jitter and aliases."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

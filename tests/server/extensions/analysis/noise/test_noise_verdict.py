@@ -1,7 +1,5 @@
 """Verdicts on a data sheet, and noise parameters as the YAML of other programs: noise of known parameters."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Verdicts on noise: a row for each way in which a sensor or its samples can be wrong, and what must be said of it."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

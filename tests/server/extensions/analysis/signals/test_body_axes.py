@@ -1,7 +1,5 @@
 """Comparison of devices with different axes: FLU against FRD, ENU against NED; known motion, and what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

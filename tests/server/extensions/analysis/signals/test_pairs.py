@@ -1,7 +1,5 @@
 """Pairs of two signals: against numpy, across gaps and angles, thinned without losing an extreme, and over HTTP."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """A fleet over TLS: robots with passwords, or with certificates of their own."""
 
-from __future__ import annotations
-
 import datetime
 import re
 from pathlib import Path

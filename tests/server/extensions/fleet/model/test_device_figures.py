@@ -1,7 +1,5 @@
 """Figures of devices, as a robot reports them to its fleet."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import pytest

@@ -1,7 +1,5 @@
 """The journal of a robot on disk: whatever ends or damages it, the robot goes on, and little or nothing is lost."""
 
-from __future__ import annotations
-
 import errno
 import logging
 import os

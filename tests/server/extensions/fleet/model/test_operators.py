@@ -1,7 +1,5 @@
 """Operators of a fleet: everything is seen, robots and rollouts of their groups are commanded, and nothing else."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Reports on the bus: what is written is read, and nothing that arrives does harm."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 

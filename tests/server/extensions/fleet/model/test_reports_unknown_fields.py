@@ -1,7 +1,5 @@
 """Reports of robots that are newer than the fleet server: taken as they are, shown and counted."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

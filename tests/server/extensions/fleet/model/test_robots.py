@@ -1,7 +1,5 @@
 """Robots of a fleet server: revisions, what counts as a change, and the route."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The store of a server: `[store]` of the configuration file, and `--store`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

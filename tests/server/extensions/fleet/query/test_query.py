@@ -1,7 +1,5 @@
 """`imuscope query`: SQL over a store, in four formats, read-only and limited."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import io

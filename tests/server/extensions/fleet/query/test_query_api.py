@@ -1,7 +1,5 @@
 """Questions over HTTP: a process for each, limited, in turns, and ended with its client."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

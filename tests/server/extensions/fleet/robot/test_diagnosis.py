@@ -1,7 +1,5 @@
 """The finding of `imuscope doctor` about the store."""
 
-from __future__ import annotations
-
 import pytest
 
 from imuscope.server.extensions.fleet.model.settings import FleetTables, StoreSettings

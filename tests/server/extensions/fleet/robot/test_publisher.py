@@ -1,7 +1,5 @@
 """A robot's side of a fleet: its settings and its limit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

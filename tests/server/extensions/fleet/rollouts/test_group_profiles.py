@@ -1,7 +1,5 @@
 """Settings of robots against the profile of their group, from a simulated sensor to the answer of the fleet server."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from functools import partial

@@ -1,7 +1,5 @@
 """Rollouts: a profile applied to real servers with simulated sensors, in waves, with all that can go wrong."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Callable, Iterator

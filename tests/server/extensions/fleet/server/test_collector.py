@@ -1,7 +1,5 @@
 """A fleet server on an unreliable bus: it has everything once, nothing twice, whatever is lost or repeated."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Alarms of a fleet server: raised, acknowledged by name, kept over a restart, posted once."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Robots and a fleet server over a real Zenoh router: joining, restarts, access."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

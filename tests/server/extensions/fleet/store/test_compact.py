@@ -1,7 +1,5 @@
 """`imuscope compact`: fewer files, the same rows, and uploads that are still known."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Rows of packets: one for each, whatever fields it has, however the recording is divided into windows."""
 
-from __future__ import annotations
-
 import tempfile
 from datetime import date
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Samples and minutes of a store: the numbers of the recording, in columns that never change their meaning."""
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files of a store as questions read them: with columns that some lack, in folders of any name, and no others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyarrow as pa

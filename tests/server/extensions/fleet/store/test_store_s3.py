@@ -3,8 +3,6 @@
 `go install github.com/versity/versitygw/cmd/versitygw@latest` installs the server; without it these tests are skipped.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import socket

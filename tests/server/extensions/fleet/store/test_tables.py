@@ -1,7 +1,5 @@
 """The tables of a store are those that docs/fleet.md describes."""
 
-from __future__ import annotations
-
 import json
 import re
 

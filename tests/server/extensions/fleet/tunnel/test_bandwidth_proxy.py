@@ -1,7 +1,5 @@
 """A line of limited rate: bytes arrive whole and not faster, and nobody else may use it."""
 
-from __future__ import annotations
-
 import os
 import socket
 import threading

@@ -1,7 +1,5 @@
 """Streams of pages between both ends of a real line: long answers, slow viewers, viewers that leave, silence."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import re

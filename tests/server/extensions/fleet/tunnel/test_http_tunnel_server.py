@@ -1,7 +1,5 @@
 """Pages of robots through their fleet server: real robots, a real bus with access rules."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import sqlite3

@@ -1,7 +1,5 @@
 """Requests to a robot: answers, refusals, and what is unknown because the line broke or took too long."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """`imuscope upload`: every file that `decode` reads, exactly once, whatever happens."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

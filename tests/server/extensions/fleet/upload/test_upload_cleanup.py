@@ -1,7 +1,5 @@
 """Rules for deleting what was uploaded: only what the store has, whole, and nobody keeps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

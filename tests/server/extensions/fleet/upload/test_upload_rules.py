@@ -1,7 +1,5 @@
 """Rules for uploads: which recordings go to the store, and when."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from pathlib import Path
 from typing import Any

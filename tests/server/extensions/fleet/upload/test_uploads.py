@@ -1,7 +1,5 @@
 """Finished recordings go to the store by themselves, exactly once, whatever fails."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Parts of the holder of a shared port: addresses, queues of slow clients, the voice, messages, sizes of frames."""
 
-from __future__ import annotations
-
 import math
 import socket
 import subprocess

@@ -1,7 +1,5 @@
 """Holders of one port that begin at once, and a port that is lost while its server waits to send."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import socket

@@ -1,7 +1,5 @@
 """A port that returns: it is opened by what stands at its path, with pauses between attempts that never end here."""
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Iterator
