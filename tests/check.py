@@ -1,7 +1,6 @@
 """The whole check, in one command: `uv run tests/check.py`.
 
-    wire     types of the page, from the server's          server/generators
-    page     built, when it is stale                       web/build.py
+    page     built, when it is stale, and its types        web/build.py
     site     the documentation, when it is stale           tests/checking/site.py
     style    ruff check, ruff format; biome                Python; TypeScript, CSS
     types    mypy --strict, tsc                            Python, TypeScript
@@ -89,11 +88,10 @@ def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
     return lambda options: [PYTHON, "-m", "pytest", "--color=no", "--durations=5", *arguments, *options.pytest]
 
 
-STAGES = (("page", "wire"), ("narrow", "wide"))
+STAGES = (("page",), ("narrow", "wide"))
 """Lanes that run beside each other, and what waits for them."""
 
 PARTS = (
-    Part("wire", lambda _: [PYTHON, "-m", "imuscope.server.generators"], lane="wire"),
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"], lane="page"),
     Part("site", lambda _: [PYTHON, "-m", "tests.checking.site"]),
     Part("mypy", lambda _: [PYTHON, "-m", "mypy", "--cache-dir", str(cache_folder("mypy"))]),
@@ -110,7 +108,7 @@ PARTS = (
         lane="wide",
     ),
 )
-QUICK = ("wire", "page", "site", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
+QUICK = ("page", "site", "ruff", "format", "mypy", "tsc", "biome", "vitest", "pytest")
 
 
 def run_part(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:

@@ -317,13 +317,14 @@ def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description="Build the page and machine code when their sources have changed.")
     parser.add_argument("--force", action="store_true", help="build even when nothing has changed")
-    parser.add_argument("--modules", action="store_true", help="also make sure of web/node_modules, for tsc and vitest")
+    parser.add_argument("--modules", action="store_true", help="also make what tsc and vitest need")
     arguments = parser.parse_args()
     try:
         build_native()
         built = build(force=arguments.force)
         if arguments.modules:
             install(node())
+            subprocess.run([sys.executable, "-m", "imuscope.server.generators"], check=True)  # types of the page
     except BuildError as error:
         print(f"imuscope: {error}", file=sys.stderr)
         return 1

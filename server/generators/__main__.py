@@ -4,7 +4,7 @@ server/wire/ and the models of two pages ─> web/src/wire/{,form-,recording-}ty
 /openapi.json                              ─> web/src/wire/routes.ts                    server/generators/route_types.py
                                            ─> docs/http-api.md                          server/generators/docs.py
 
-The check does it (tests/check.py). The page is built without them: to build it, types are removed.
+`web/build.py --modules` does it, for the check. The page is built without them: to build it, types are removed.
 """
 
 import re
