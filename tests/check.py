@@ -77,8 +77,8 @@ def _biome(options: argparse.Namespace) -> list[str]:
 
 def _tsc(_: argparse.Namespace) -> list[str]:
     """Types: of what has changed since the last run, and of what uses it."""
-    kept = ROOT / "artifacts" / "tsc.tsbuildinfo"
-    return _web("typescript/bin/tsc", "--noEmit", "--project", "web", "--incremental", "--tsBuildInfoFile", str(kept))
+    path = ROOT / "artifacts" / "tsc.tsbuildinfo"
+    return _web("typescript/bin/tsc", "--noEmit", "--project", "web", "--incremental", "--tsBuildInfoFile", str(path))
 
 
 def _vitest(options: argparse.Namespace) -> list[str]:
@@ -137,8 +137,8 @@ def _run_all(chosen: Sequence[Part], options: argparse.Namespace, env: dict[str,
     outcomes: dict[str, Outcome] = {}
     with ThreadPoolExecutor(1 if options.fix else 2) as lanes:
         for stage in STAGES:
-            for found in lanes.map(run_lane, stage):
-                outcomes |= found
+            for result in lanes.map(run_lane, stage):
+                outcomes |= result
     return [outcomes[part.name] for part in chosen]
 
 

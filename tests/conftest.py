@@ -328,7 +328,7 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
     """Note what may never happen: an error on the console, a script that throws, a request to another host."""
     home = urlsplit(url).netloc
 
-    def asked(request: Request) -> None:
+    def question(request: Request) -> None:
         target = urlsplit(request.url)
         if target.scheme not in ("data", "blob") and target.netloc != home:
             complaints.append(f"asked another host: {request.url}")
@@ -340,12 +340,12 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
         of = message.location.get("url", "")
         refused = "status of 422" in message.text and ("/api/recordings/upload" in of or of.endswith("/api/query"))
         if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text and not refused:
-            asked = "status of 409" in message.text and message.location.get("url", "").endswith("/apply")
+            question = "status of 409" in message.text and message.location.get("url", "").endswith("/apply")
             # somebody else saved the workspace or the notes before, and the page offers what to do
             address = message.location.get("url", "")
             is_shared = "/api/workspaces/" in address or "/api/recordings/" in address
             changed = "status of 412" in message.text and is_shared
-            if not asked and not changed:  # it needs confirmation before it writes, and the page shows the dialog
+            if not question and not changed:  # it needs confirmation before it writes, and the page shows the dialog
                 complaints.append(f"console: {message.text} ({message.location.get('url', 'no address')})")
 
     def connected(socket: WebSocket) -> None:
@@ -354,5 +354,5 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
 
     page.on("console", complained)
     page.on("pageerror", lambda error: complaints.append(f"threw: {error}"))
-    page.on("request", asked)
+    page.on("request", question)
     page.on("websocket", connected)

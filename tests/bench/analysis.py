@@ -60,7 +60,7 @@ def main() -> None:
     """Run the benchmark."""
     minutes = float(sys.argv[sys.argv.index("--minutes") + 1]) if "--minutes" in sys.argv else 60.0
     rows = signals(minutes)
-    found = {}
+    results = {}
     for name in ("allan", "psd", "spectrogram", "statistics"):
         analysis = analysis_named(name)
         settings = analysis.settings({})
@@ -72,13 +72,13 @@ def main() -> None:
                 beside.__dict__.pop("steps", None)
             return how(lambda one: figures_of(analysis, one, settings), rows)  # noqa: B023
 
-        found[f"{name}_s"] = best_s(work)
+        results[f"{name}_s"] = best_s(work)
         if name == "allan":
-            found["allan_processor_s"] = best_s(
+            results["allan_processor_s"] = best_s(
                 lambda: work(lambda do, all_: list(map(do, all_))), clock=time.process_time
             )
-    found["yardstick_s"] = best_s(lambda: [float(np.einsum("i,i", one.values, one.values)) for one in rows * 10])
-    report("analysis", {"minutes": minutes, "signals": AXES, **found})
+    results["yardstick_s"] = best_s(lambda: [float(np.einsum("i,i", one.values, one.values)) for one in rows * 10])
+    report("analysis", {"minutes": minutes, "signals": AXES, **results})
 
 
 if __name__ == "__main__":

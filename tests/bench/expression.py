@@ -35,12 +35,12 @@ def main() -> None:
     time = 1.76e9 + np.arange(n) / RATE
     columns = tuple(np.random.default_rng(seed).normal(0, 3, n) for seed in range(3))
     known = {"Acc": Quantity(columns, unit, time, ("x", "y", "z")), "Acc.x": Quantity(columns[:1], unit, time)}
-    found = {}
+    results = {}
     for name, text in TEXTS.items():
         node = parse(text)
-        taken = best_s(lambda: evaluate(node, known.__getitem__, Context(zero_phase=True)), 9)  # noqa: B023
-        found[f"{name}_million_per_s"] = n / taken / 1e6
-    report("expression", {"minutes": minutes, **found})
+        batch = best_s(lambda: evaluate(node, known.__getitem__, Context(zero_phase=True)), 9)  # noqa: B023
+        results[f"{name}_million_per_s"] = n / batch / 1e6
+    report("expression", {"minutes": minutes, **results})
 
 
 if __name__ == "__main__":

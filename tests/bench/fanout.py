@@ -95,17 +95,17 @@ async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
         feed.begin()
         await asyncio.sleep(SETTLE_S)
         must_be_live(server.url)
-        seen = await figures_of(readers, server.process.pid, seconds)
+        observed = await figures_of(readers, server.process.pid, seconds)
         disconnected = await cancel(tasks)
     return {
         "disconnected": disconnected,
-        "dropped": seen["lost"],
-        "samples_per_s": min(seen["samples_per_s"]),
-        "server_core_share": seen["core_share"],
-        "p50_ms": seen["p50_ms"],
-        "p99_ms": seen["p99_ms"],
-        "messages_per_s_and_client": seen["messages_per_s"] / clients,
-        "bytes_per_message": seen["bytes_per_message"],
+        "dropped": observed["lost"],
+        "samples_per_s": min(observed["samples_per_s"]),
+        "server_core_share": observed["core_share"],
+        "p50_ms": observed["p50_ms"],
+        "p99_ms": observed["p99_ms"],
+        "messages_per_s_and_client": observed["messages_per_s"] / clients,
+        "bytes_per_message": observed["bytes_per_message"],
     }
 
 

@@ -107,17 +107,17 @@ class Page:
         self.client = http_client()
         self.after: int | None = None
         self.known: dict[str, dict[str, Any]] = {}
-        self.asked_ms: list[float] = []
+        self.request_ms: list[float] = []
         self.bytes: list[int] = []
 
-    def ask(self) -> None:
+    def request(self) -> None:
         began = time.perf_counter()
         answer = self.client.get(self.url, params={} if self.after is None else {"after": self.after})
-        self.asked_ms.append((time.perf_counter() - began) * 1000)
+        self.request_ms.append((time.perf_counter() - began) * 1000)
         self.bytes.append(len(answer.content))
-        found = answer.json()
-        self.after = found["revision"]
-        self.known.update({one["name"]: one for one in found["robots"]})
+        reply = answer.json()
+        self.after = reply["revision"]
+        self.known.update({one["name"]: one for one in reply["robots"]})
 
     @property
     def live(self) -> int:
@@ -143,7 +143,7 @@ def until_back(page: Page, count: int, fleet: Fleet, limit_s: float = 120.0) -> 
     """Time until all robots are live with a report that is made from now on."""
     began, number = time.monotonic(), fleet.numbers
     while time.monotonic() - began < limit_s:
-        page.ask()
+        page.request()
         if page.live == count and page.behind(number) == 0:
             return time.monotonic() - began
         time.sleep(0.2)
@@ -176,37 +176,37 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0, help="of the steady part")
     options = parser.parse_args()
     address = f"tcp/127.0.0.1:{free_port()}"
-    found: dict[str, Any] = {"robots": options.robots, "sessions": options.sessions}
+    results: dict[str, Any] = {"robots": options.robots, "sessions": options.sessions}
     with tempfile.TemporaryDirectory() as folder, running_route(address) as router:
         data = Path(folder)
         server = ServerProcess(data=data, arguments=("--router", address), command="fleet", fresh=True)
         fleet = Fleet(options.robots, options.sessions, address)
         page = Page(server.url)
-        found["joined_s"] = round(until_back(page, options.robots, fleet), 1)
-        found["steady"] = steady(fleet, page, server, router.pid or 0, options.seconds)
+        results["joined_s"] = round(until_back(page, options.robots, fleet), 1)
+        results["steady"] = steady(fleet, page, server, router.pid or 0, options.seconds)
         os.kill(router.pid or 0, signal.SIGKILL)
         router.join()
         time.sleep(5.0)
         with running_route(address) as second:
-            found["back_after_router_killed_s"] = round(until_back(page, options.robots, fleet), 1)
+            results["back_after_router_killed_s"] = round(until_back(page, options.robots, fleet), 1)
             server.process.kill()
             server.process.wait()
             server.stop()
             server = ServerProcess(data=data, arguments=("--router", address), command="fleet", fresh=True)
             page = Page(server.url)
-            found["back_after_fleet_server_killed_s"] = round(until_back(page, options.robots, fleet), 1)
-            found["after"] = steady(fleet, page, server, second.pid or 0, options.seconds)
+            results["back_after_fleet_server_killed_s"] = round(until_back(page, options.robots, fleet), 1)
+            results["after"] = steady(fleet, page, server, second.pid or 0, options.seconds)
             fleet.stop()
             fleet.beat()
             until = time.monotonic() + 120
             while (state := holes_and_doubles(data, fleet.numbers))[0] and time.monotonic() < until:
                 time.sleep(1.0)
-            found["reports"] = fleet.numbers * options.robots
-            found["missing"], found["doubled"], found["stored_events"] = state
-            found["stored_mb"] = round(sum(one.stat().st_size for one in (data / "fleet").iterdir()) / 1e6, 1)
+            results["reports"] = fleet.numbers * options.robots
+            results["missing"], results["doubled"], results["stored_events"] = state
+            results["stored_mb"] = round(sum(one.stat().st_size for one in (data / "fleet").iterdir()) / 1e6, 1)
             server.stop()
             fleet.close()
-    report("fleet-live", found)
+    report("fleet-live", results)
 
 
 def steady(fleet: Fleet, page: Page, server: ServerProcess, router: int, seconds: float) -> dict[str, Any]:
@@ -214,12 +214,12 @@ def steady(fleet: Fleet, page: Page, server: ServerProcess, router: int, seconds
     processes = {"fleet_server": Process(server.process.pid), "router": Process(router), "robots": Process(os.getpid())}
     bytes_before = metric(server.url, "imuscope_fleet_received_bytes_total")
     numbers = fleet.numbers
-    page.asked_ms.clear()
+    page.request_ms.clear()
     page.bytes.clear()
     before = {name: round(resident_mb(one.pid)) for name, one in processes.items()}
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        page.ask()
+        page.request()
         time.sleep(1.0)
     received = metric(server.url, "imuscope_fleet_received_bytes_total") - bytes_before
     reports = max(1, (fleet.numbers - numbers) * len(fleet.robots))
@@ -228,7 +228,7 @@ def steady(fleet: Fleet, page: Page, server: ServerProcess, router: int, seconds
         "rss_mb": {name: [before[name], round(resident_mb(one.pid))] for name, one in processes.items()},
         "reports_per_s": round(reports / seconds),
         "bytes_per_report": round(received / reports),
-        "page_answer_ms": [round(statistics.median(page.asked_ms), 1), round(max(page.asked_ms), 1)],
+        "page_answer_ms": [round(statistics.median(page.request_ms), 1), round(max(page.request_ms), 1)],
         "page_answer_kb": round(statistics.median(page.bytes) / 1000, 1),
     }
 

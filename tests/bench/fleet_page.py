@@ -97,11 +97,11 @@ def measured(page: Page, seconds: float, script: str) -> dict[str, float]:
     """Frames and their cost over some seconds while a script acts with each frame."""
     page.evaluate(script)
     before = processor_time(page)
-    found: dict[str, float] = page.evaluate(FRAMES, seconds)
-    frames = found.pop("frames")
-    found["cpu_ms"] = 1000 * (processor_time(page) - before) / frames
-    found["load"] = os.getloadavg()[0]
-    return found
+    result: dict[str, float] = page.evaluate(FRAMES, seconds)
+    frames = result.pop("frames")
+    result["cpu_ms"] = 1000 * (processor_time(page) - before) / frames
+    result["load"] = os.getloadavg()[0]
+    return result
 
 
 def main() -> None:
@@ -114,7 +114,7 @@ def main() -> None:
     command = tied(
         [sys.executable, "-m", "tests.server.extensions.fleet.synthetic_fleet", "--robots", str(options.robots)]
     )
-    found: dict[str, dict[str, float]] = {}
+    results: dict[str, dict[str, float]] = {}
     with (
         subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as server,
         sync_playwright() as playwright,
@@ -125,7 +125,7 @@ def main() -> None:
         page = opened(browser, url, WIDE)
         rows = page.evaluate("document.querySelectorAll('.fleet-row').length")
         for name, script in (("still", NOTHING), ("scroll", SCROLL), ("sort", SORT), ("filter", FILTER)):
-            found[name] = measured(page, options.seconds, script)
+            results[name] = measured(page, options.seconds, script)
         heap = page.evaluate("performance.memory.usedJSHeapSize") / 1e6
         page.context.close()
         for name, size, at in (
@@ -134,7 +134,7 @@ def main() -> None:
             ("map", WIDE, "#/fleet?view=map"),
         ):
             page = opened(browser, url, size, at)
-            found[name] = measured(page, options.seconds, NOTHING if name == "map" else SCROLL)
+            results[name] = measured(page, options.seconds, NOTHING if name == "map" else SCROLL)
             page.context.close()
         page = browser.new_context(viewport={"width": WIDE[0], "height": WIDE[1]}).new_page()
         empty = measured(page, options.seconds, NOTHING)["fps"]
@@ -144,7 +144,7 @@ def main() -> None:
         "fleet-page",
         {
             "robots": options.robots,
-            **found,
+            **results,
             "rows_in_document": rows,
             "heap_mb": heap,
             "empty_page_fps": empty,

@@ -138,7 +138,7 @@ def best(work: Callable[[], object]) -> dict[str, float]:
     return {"s": min(walls), "cpu_s": min(processors)}
 
 
-def asked(folder: Path, sql: str) -> int:
+def query(folder: Path, sql: str) -> int:
     """Rows of an answer."""
     with run_query(location(str(folder)), sql) as reader:
         return sum(batch.num_rows for batch in reader)
@@ -163,30 +163,30 @@ def main() -> None:
         writing.start()  # in a process of its own, so that the memory is that of the questions
         writing.join()
         files = list((year / "tables").rglob("*.parquet"))
-        found: dict[str, Any] = {
-            "recordings": asked(year, "SELECT recording FROM recordings"),
-            "minutes": asked(year, "SELECT 1 FROM minutes"),
+        results: dict[str, Any] = {
+            "recordings": query(year, "SELECT recording FROM recordings"),
+            "minutes": query(year, "SELECT 1 FROM minutes"),
             "files": len(files),
             "parquet_mb": sum(path.stat().st_size for path in files) / 1e6,
         }
         rows = str(year / "tables" / "recordings")
-        found["yardstick"] = best(lambda: ds.dataset(rows, format="parquet").to_table(columns=["lost"]))
-        found["listing"] = best(lambda: asked(year, LISTING))
-        found["questions"] = {key: best(partial(asked, year, one.sql)) for key, one in QUESTIONS.items()}
-        found["command_s"] = best(lambda: commanded(year))["s"]
-        found["memory_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        results["yardstick"] = best(lambda: ds.dataset(rows, format="parquet").to_table(columns=["lost"]))
+        results["listing"] = best(lambda: query(year, LISTING))
+        results["questions"] = {key: best(partial(query, year, one.sql)) for key, one in QUESTIONS.items()}
+        results["command_s"] = best(lambda: commanded(year))["s"]
+        results["memory_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         record(folder / "drive.mcap", options.record_s)
         start = time.perf_counter()
         upload(folder / "drive.mcap", location(str(folder / "one")), "robot", DecodeOptions())
         one = [path.stat().st_size for path in (folder / "one" / "tables").rglob("*.parquet")]
-        found["upload"] = {
+        results["upload"] = {
             "recorded_s": options.record_s,
             "s": time.perf_counter() - start,
             "mcap_mb": (folder / "drive.mcap").stat().st_size / 1e6,
             "parquet_mb": sum(one) / 1e6,
-            "signal": best(lambda: asked(folder / "one", "SELECT avg(value) FROM samples('Acceleration.x')")),
+            "signal": best(lambda: query(folder / "one", "SELECT avg(value) FROM samples('Acceleration.x')")),
         }
-    report("fleet-store", found, extra_versions={name: version(name) for name in ("duckdb", "deltalake", "pyarrow")})
+    report("fleet-store", results, extra_versions={name: version(name) for name in ("duckdb", "deltalake", "pyarrow")})
 
 
 if __name__ == "__main__":

@@ -123,20 +123,20 @@ async def product(options: argparse.Namespace) -> dict[str, Any]:
             own = [pages[first :: options.browsers] for first in range(options.browsers)]
             tasks = [asyncio.create_task(browser(one)) for one in own if one]
             await asyncio.sleep(SETTLE_S)
-            seen = await figures_of(readers, server.process.pid, options.seconds)
+            observed = await figures_of(readers, server.process.pid, options.seconds)
             ended = await cancel(tasks)
         finally:
             process.kill()
             process.join()
     return {
         "browsers_ended": ended,
-        "missing": seen["lost"],
-        "samples_per_s": [pick(seen["samples_per_s"]) for pick in (min, max)],
-        "p50_ms": seen["p50_ms"],
-        "p99_ms": seen["p99_ms"],
-        "fleet_server_core_share": seen["core_share"],
-        "messages_per_s": seen["messages_per_s"],
-        "bytes_per_message": seen["bytes_per_message"],
+        "missing": observed["lost"],
+        "samples_per_s": [pick(observed["samples_per_s"]) for pick in (min, max)],
+        "p50_ms": observed["p50_ms"],
+        "p99_ms": observed["p99_ms"],
+        "fleet_server_core_share": observed["core_share"],
+        "messages_per_s": observed["messages_per_s"],
+        "bytes_per_message": observed["bytes_per_message"],
     }
 
 

@@ -19,7 +19,7 @@ from tests.support.waiting import block_until
 WITHIN_S = 1.0
 EVERY_S, WORK_S = 0.05, 0.004
 STRETCH = 10  # pieces of work, about half a second
-FEWEST = 3  # answers
+MIN_ANSWERS = 3  # answers
 
 
 class FloodLatency:
@@ -34,7 +34,7 @@ class FloodLatency:
     def __init__(self, url: str) -> None:
         self._address = url.removeprefix("http://")
         self._stop = threading.Event()
-        self._threads = [threading.Thread(target=self._ask), threading.Thread(target=self._work)]
+        self._threads = [threading.Thread(target=self._request), threading.Thread(target=self._work)]
         self.answers = 0
         self.worst_s = 0.0
         self._pieces: list[tuple[float, float]] = []  # of work: how long each took, and its processor time, s
@@ -50,14 +50,14 @@ class FloodLatency:
         """One second of an otherwise idle machine, scaled by the measured slowness."""
         return WITHIN_S * self.slowness
 
-    def _ask(self) -> None:
+    def _request(self) -> None:
         while not self._stop.is_set():
             began = time.monotonic()
             try:
-                asking = http.client.HTTPConnection(self._address, timeout=PATIENCE_S)
-                asking.request("GET", "/healthz")
-                fine = asking.getresponse().status == 200
-                asking.close()
+                requesting = http.client.HTTPConnection(self._address, timeout=PATIENCE_S)
+                requesting.request("GET", "/healthz")
+                fine = requesting.getresponse().status == 200
+                requesting.close()
             except OSError:
                 fine = False
             took = time.monotonic() - began
@@ -80,7 +80,7 @@ class FloodLatency:
         return self
 
     def __exit__(self, *_: object) -> None:
-        block_until(lambda: self.answers >= FEWEST, "the flood was looked at")
+        block_until(lambda: self.answers >= MIN_ANSWERS, "the flood was looked at")
         self._stop.set()
         for thread in self._threads:
             thread.join(2 * PATIENCE_S)
@@ -90,9 +90,9 @@ def lateness_s(there: Watched) -> float:
     """By how much the latest byte of the recording arrived after it was sent; of all floods so far."""
     wall = time.time() - time.monotonic()
     worst, place = 0.0, there.begins
-    with McapReader(there.path) as found:
-        for block in found.blocks():
-            channel = found.topic("rx/1")
+    with McapReader(there.path) as reader:
+        for block in reader.blocks():
+            channel = reader.topic("rx/1")
             if channel is None:
                 continue
             rows = block.of(channel.id)

@@ -70,8 +70,8 @@ def vite() -> Iterator[str]:
         assert process.stdout
         try:
             for line in process.stdout:
-                if found := re.search(r"http://127\.0\.0\.1:\d+", line):
-                    yield found[0]
+                if match := re.search(r"http://127\.0\.0\.1:\d+", line):
+                    yield match[0]
                     break
         finally:
             process.terminate()
@@ -90,24 +90,24 @@ def main() -> None:
         deadline = time.monotonic() + 120
         while not page.evaluate("window.bench?.done") and time.monotonic() < deadline:
             time.sleep(2)
-        found = page.evaluate("window.bench")
+        result = page.evaluate("window.bench")
         page.goto("about:blank")
         yardstick = page.evaluate(YARDSTICK)
         browser.close()
-    if not found or not found["done"]:
-        sys.exit(f"the page did not finish: {found}")
+    if not result or not result["done"]:
+        sys.exit(f"the page did not finish: {result}")
     report(
         "frame",
         {
             "charts": 6,
             "series": 18,
-            "points_in_view": found["points"],
-            "fps": found["fps"],
-            "draw_ms": found["draw"],
-            "zoom_ms": found["zoom"],
-            "feed_ms": found["feed"],
+            "points_in_view": result["points"],
+            "fps": result["fps"],
+            "draw_ms": result["draw"],
+            "zoom_ms": result["zoom"],
+            "feed_ms": result["feed"],
             "yardstick": yardstick,
-            "ratio": found["draw"]["p95"] / yardstick["p95_ms"],
+            "ratio": result["draw"]["p95"] / yardstick["p95_ms"],
             "budget": {"draw_p95_ms": 3, "fps": 45},
         },
         extra_versions={"chromium": chromium.version(path)},

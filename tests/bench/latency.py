@@ -67,15 +67,15 @@ def clock_offset_s(worker: Worker) -> float:
 
 def delays_ms(noted: list[tuple[float, int]], written: list[float], offset: float) -> list[float]:
     """Milliseconds from write to worker, the settling time left out."""
-    start, found, turn, last = written[0] + SETTLE_S, [], 0, 0
+    start, result, turn, last = written[0] + SETTLE_S, [], 0, 0
     for at, count in noted:
         if count < last - 30_000:
             turn += 1
         last = count
         index = count + 65_536 * turn
         if index < len(written) and written[index] >= start:
-            found.append(1000 * (at / 1000 - offset - written[index]))
-    return found
+            result.append(1000 * (at / 1000 - offset - written[index]))
+    return result
 
 
 def product(browser: Browser, pages: int, readers: int, rate: float, seconds: float) -> dict[str, Any]:

@@ -35,7 +35,7 @@ import httpx
 from imuscope.recordings.mcap.writer import McapWriter
 from tests.bench.support.memory import Memory
 from tests.bench.support.report import options_of, percentile, report, status_of
-from tests.bench.support.serial_devices import Speakers, frames, heard_in, is_whole, numbered
+from tests.bench.support.serial_devices import Speakers, frames, is_whole, numbered, received_in
 from tests.support import load_clients
 from tests.support.processes import seconds_of
 from tests.support.server_process import ServerProcess
@@ -145,7 +145,7 @@ class LoadRun:
             "late_p99_ms": sent["late_p99_ms"],
             "late_max_ms": sent["late_max_ms"],
             "export": await export,
-            "memory": memory.told(),
+            "memory": memory.curve(),
         }
         await self.api.post("/api/recordings/stop")
         for task in self.tasks:
@@ -190,10 +190,10 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         with ServerProcess(*sources, data=data, arguments=("--record", "--config", str(config))) as server:
             out = asyncio.run(LoadRun(options, server, speakers).measure())
         sent = speakers.sent()["devices"]
-        heard = heard_in([path for path in sorted((data / "recordings").glob("*.mcap")) if path.stem != EARLIER])
+        received = received_in([path for path in sorted((data / "recordings").glob("*.mcap")) if path.stem != EARLIER])
     out["bytes_sent"] = sum(one["bytes"] for one in sent)
-    out["bytes_recorded"] = sum(one["bytes"] for one in heard.values())
-    out["recorded_as_sent"] = is_whole(heard, sent)
+    out["bytes_recorded"] = sum(one["bytes"] for one in received.values())
+    out["recorded_as_sent"] = is_whole(received, sent)
     return out
 
 
@@ -233,11 +233,13 @@ def main() -> int:
     parser.add_argument("--disturb", action="store_true", help="a stalled, a slow and a flooding client")
     options = parser.parse_args()
     out = measure(options)
-    kept = verdict(out)
-    asked = {name: getattr(options, name) for name in ("devices", "clients", "rate", "minutes", "memory_mb", "disturb")}
+    stored = verdict(out)
+    request = {
+        name: getattr(options, name) for name in ("devices", "clients", "rate", "minutes", "memory_mb", "disturb")
+    }
     name = "load-disturbed" if options.disturb else "load" if options.clients == 20 else f"load-{options.clients}"
-    report(name, {**asked, **out, "budget": BUDGET, "verdict": kept})
-    return status_of(kept)
+    report(name, {**request, **out, "budget": BUDGET, "verdict": stored})
+    return status_of(stored)
 
 
 if __name__ == "__main__":

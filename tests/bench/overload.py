@@ -27,12 +27,12 @@ from typing import Any
 
 from tests.bench.load import Api
 from tests.bench.support.report import options_of, percentile, report, status_of
-from tests.bench.support.serial_devices import Speakers, heard_in, is_whole
+from tests.bench.support.serial_devices import Speakers, is_whole, received_in
 from tests.support.load_clients import Good
 from tests.support.server_process import ServerProcess
 
 BEFORE_S, AFTER_S = 10.0, 20.0
-TOLD_S, LATE_S = 0.5, 1.0
+REPORTED_S, LATE_S = 0.5, 1.0
 WELL_S = 0.1  # ages of samples in a server that keeps up
 BUDGET = {"untold_s": 1.0, "well_after_s": 10.0}
 
@@ -43,7 +43,7 @@ class Page(Good):
     def __init__(self) -> None:
         super().__init__()
         self.noted: list[tuple[float, float]] = []  # (unix s, age of the oldest sample of a message in s)
-        self.told: list[tuple[float, float]] = []  # (unix s, s by which the server says a device is behind)
+        self.reports: list[tuple[float, float]] = []  # (unix s, s by which the server says a device is behind)
         self.events: list[dict[str, Any]] = []
 
     def take(self, data: bytes, now: float) -> None:
@@ -51,12 +51,12 @@ class Page(Good):
         super().take(data, now)
         self.noted.append((now, self.ages[-1]))
 
-    def hear(self, text: str, now: float) -> None:
+    def receive(self, text: str, now: float) -> None:
         """Note a message of the server."""
         message = json.loads(text)
         if message["op"] == "health" and message["devices"]:
             behind = [one["behind"] for one in message["devices"]]
-            self.told.append((now, max(one["link"] + one["decoding"] for one in behind)))
+            self.reports.append((now, max(one["link"] + one["decoding"] for one in behind)))
         elif message["op"] == "events":
             self.events += message["events"]
 
@@ -67,12 +67,12 @@ class Page(Good):
     def untold(self) -> float:
         """Longest time during which samples were later than `LATE_S` and nothing was told, s."""
         longest, began = 0.0, None
-        told = iter(self.told)
-        last_at, last = next(told, (0.0, 0.0))
+        notice = iter(self.reports)
+        last_at, last = next(notice, (0.0, 0.0))
         for at, age in self.noted:
             while last_at < at - LATE_S:
-                last_at, last = next(told, (float("inf"), last))
-            if age > LATE_S and last < TOLD_S:
+                last_at, last = next(notice, (float("inf"), last))
+            if age > LATE_S and last < REPORTED_S:
                 began = at if began is None else began
                 longest = max(longest, at - began)
             else:
@@ -107,7 +107,7 @@ async def watch(options: argparse.Namespace, server: ServerProcess, speakers: Sp
         "before_p99_ms": 1e3 * percentile(ages(0, began), 0.99),
         "during_p99_ms": 1e3 * percentile(ages(began, ended), 0.99),
         "during_max_ms": 1e3 * max(ages(began, ended), default=float("nan")),
-        "told_max_s": max((one for at, one in page.told if at > began), default=0.0),
+        "told_max_s": max((one for at, one in page.reports if at > began), default=0.0),
         "untold_s": page.untold(),
         "well_after_s": page.later_than(WELL_S, ended),
         "lost_reported": [one["text"] for one in page.events if one["kind"] in ("gap", "reject")],
@@ -128,8 +128,8 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         with ServerProcess(*sources, data=data, arguments=("--record",)) as server:
             out = asyncio.run(watch(options, server, speakers))
         sent = speakers.sent()["devices"]
-        heard = heard_in(sorted((data / "recordings").glob("*.mcap")))
-    out["recorded_as_sent"] = is_whole(heard, sent)
+        received = received_in(sorted((data / "recordings").glob("*.mcap")))
+    out["recorded_as_sent"] = is_whole(received, sent)
     return out
 
 
@@ -153,10 +153,10 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=10)
     options = parser.parse_args()
     out = measure(options)
-    kept = verdict(out)
-    asked = {name: getattr(options, name) for name in ("devices", "rate", "loops", "cores", "minutes")}
-    report("overload", {**asked, **out, "budget": BUDGET, "verdict": kept})
-    return status_of(kept)
+    stored = verdict(out)
+    request = {name: getattr(options, name) for name in ("devices", "rate", "loops", "cores", "minutes")}
+    report("overload", {**request, **out, "budget": BUDGET, "verdict": stored})
+    return status_of(stored)
 
 
 if __name__ == "__main__":

@@ -55,10 +55,10 @@ def cost(rate: float, seconds: float, turns: int) -> dict[str, float]:
             off, on = [], []
             for _ in range(turns):
                 off.append(share(server.process.pid, seconds))
-                server.ask("POST", "/api/recordings/start", {})
+                server.request("POST", "/api/recordings/start", {})
                 time.sleep(PAUSE_S)
                 on.append(share(server.process.pid, seconds))
-                server.ask("POST", "/api/recordings/stop", {})
+                server.request("POST", "/api/recordings/stop", {})
                 time.sleep(2 * PAUSE_S)
     pairs = [with_it - without for with_it, without in zip(on, off, strict=True)]
     return {"without": statistics.median(off), "with": statistics.median(on), "cost": statistics.median(pairs)}
@@ -88,11 +88,11 @@ def lost_by_kill(data: Path) -> float:
         killed = time.monotonic()
         os.kill(server.process.pid, signal.SIGKILL)
         server.process.wait()
-        found = chunks(recorded(data), "rx/1")
+        results = chunks(recorded(data), "rx/1")
         sent = line.sent
-    assert len(found) > 30_000  # of a file of 50 kB, for which `flowing` waits
-    assert sent.startswith(found), "what is in the file is what was sent, in order, from the beginning"
-    return max(0.0, killed - line.sent_at(len(found))) if len(found) < len(sent) else 0.0
+    assert len(results) > 30_000  # of a file of 50 kB, for which `flowing` waits
+    assert sent.startswith(results), "what is in the file is what was sent, in order, from the beginning"
+    return max(0.0, killed - line.sent_at(len(results))) if len(results) < len(sent) else 0.0
 
 
 def killed(times: int) -> list[float]:
@@ -111,17 +111,17 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=4)
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--kills", type=int, default=5)
-    given = parser.parse_args()
-    found = cost(given.rate, given.seconds, given.turns)
-    yardstick = bare(given.rate, given.seconds)
-    lost = killed(given.kills)
+    options = parser.parse_args()
+    result = cost(options.rate, options.seconds, options.turns)
+    yardstick = bare(options.rate, options.seconds)
+    lost = killed(options.kills)
     report(
         "recording",
         {
-            "rate_hz": given.rate,
-            "share_of_a_core": found,
+            "rate_hz": options.rate,
+            "share_of_a_core": result,
             "yardstick_share": yardstick,
-            "ratio": found["cost"] / yardstick,
+            "ratio": result["cost"] / yardstick,
             "lost_by_kill_ms": {"each": lost, "median": statistics.median(lost) if lost else None},
             "budget": {"share_of_a_core": BUDGET_SHARE, "lost_ms": BUDGET_LOST_MS},
         },

@@ -113,15 +113,15 @@ class ReopenedScene:
 
     def _used(self) -> tuple[float, float]:
         """CPU of the server's process and of the page's main thread, s."""
-        told = {one["name"]: one["value"] for one in self._cdp.send("Performance.getMetrics")["metrics"]}
-        return seconds_of(self.server.process.pid), told["TaskDuration"]
+        details = {one["name"]: one["value"] for one in self._cdp.send("Performance.getMetrics")["metrics"]}
+        return seconds_of(self.server.process.pid), details["TaskDuration"]
 
     def did(self, script: str, argument: Any = None) -> dict[str, Any]:
         """Run one of the scripts; with what it took of both."""
         server, page = self._used()
-        found: dict[str, Any] = self.page.evaluate(script, argument)
+        results: dict[str, Any] = self.page.evaluate(script, argument)
         after = self._used()
-        return {**found, "server_cpu": 1000 * (after[0] - server), "page_cpu": 1000 * (after[1] - page)}
+        return {**results, "server_cpu": 1000 * (after[0] - server), "page_cpu": 1000 * (after[1] - page)}
 
     def library(self) -> None:
         """Open the library and wait until it is idle."""
@@ -130,10 +130,10 @@ class ReopenedScene:
         time.sleep(1.0)
 
 
-def summary(found: Sequence[dict[str, Any]]) -> dict[str, float]:
+def summary(results: Sequence[dict[str, Any]]) -> dict[str, float]:
     """Median and 95th percentile of the wait, medians of what was used; ms."""
-    waits = [one["painted"] for one in found]
-    middle = {name: percentile([one[name] for one in found], 0.5) for name in ("server_cpu", "page_cpu")}
+    waits = [one["painted"] for one in results]
+    middle = {name: percentile([one[name] for one in results], 0.5) for name in ("server_cpu", "page_cpu")}
     return {"median": percentile(waits, 0.5), "p95": percentile(waits, 0.95), **middle}
 
 
@@ -176,8 +176,8 @@ def measure(data: Path, times: int, open_page: Callable[[ServerProcess], Page]) 
             print(name, {key: value for key, value in one.items() if key != "requests"})
             for request in one["requests"]:
                 print("   ", *request)
-    found = {"started": started, "again": again, "pointed": pointed, "zoom": zooms, "seek": seeks}
-    return {**out, **{name: summary(ones) for name, ones in found.items()}}
+    results = {"started": started, "again": again, "pointed": pointed, "zoom": zooms, "seek": seeks}
+    return {**out, **{name: summary(ones) for name, ones in results.items()}}
 
 
 def main() -> None:

@@ -107,7 +107,7 @@ class WellBehaved:
     def __init__(self, path: Path) -> None:
         self.fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         self.ended = threading.Event()
-        self.is_asking = True
+        self.is_requesting = True
         self.frames = self.requests = 0
         self.fault = ""
         self._thread = threading.Thread(target=self._run)
@@ -129,7 +129,7 @@ class WellBehaved:
                     return
                 expected, data = number + 1, data[FRAME.size :]
                 self.frames += 1
-            if self.is_asking and time.monotonic() > next_request:
+            if self.is_requesting and time.monotonic() > next_request:
                 try:
                     self.requests += os.write(self.fd, REQUEST.pack(b"\x00ASK", self.requests)) // REQUEST.size
                 except BlockingIOError:
@@ -144,7 +144,9 @@ class WellBehaved:
         os.close(self.fd)
 
 
-def trouble(ports: tuple[int, int], socket_path: str, ended: threading.Event, seen: Counter[str], seed: int) -> None:
+def trouble(
+    ports: tuple[int, int], socket_path: str, ended: threading.Event, observed: Counter[str], seed: int
+) -> None:
     """Clients that come, go, stall, flood and die, and a server that comes and goes, until the end.
 
     Args:
@@ -155,7 +157,7 @@ def trouble(ports: tuple[int, int], socket_path: str, ended: threading.Event, se
     server: socket.socket | None = None
     while not ended.is_set():
         how = chance.choice(("read", "slow", "stall", "flood", "kill", "server", "reset"))
-        seen[how] += 1
+        observed[how] += 1
         if how == "kill" and running:
             chance.choice(running).send_signal(signal.SIGKILL)
         elif how == "server":
@@ -210,7 +212,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=5.0)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    seen: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     faults: list[str] = []
     with tempfile.TemporaryDirectory() as text:
         folder, numbers, terminal = Path(text), (free_port(), free_port()), Terminal()
@@ -226,7 +228,7 @@ def main() -> int:
         first_fds = descriptors(holder.pid)
         device.start()
         ended = threading.Event()
-        others = threading.Thread(target=trouble, args=(numbers, settings.socket, ended, seen, options.seed))
+        others = threading.Thread(target=trouble, args=(numbers, settings.socket, ended, counts, options.seed))
         others.start()
         began, cpu = time.monotonic(), seconds_of(holder.pid)
         time.sleep(WARM_S)
@@ -239,19 +241,19 @@ def main() -> int:
         elapsed = time.monotonic() - began
         cpu_percent = 100 * (seconds_of(holder.pid) - cpu) / elapsed
         device.silent.set()
-        driver.is_asking = False
+        driver.is_requesting = False
         time.sleep(15.0)  # what is on its way arrives, and those who left are forgotten
         device.stop()
         last_memory, last_fds = resident_mb(holder.pid), descriptors(holder.pid)
         refused_bytes = refused(settings.socket)
         driver.stop()
-        asked = bytes(device.received).count(b"\x00ASK")
+        request = bytes(device.received).count(b"\x00ASK")
         if driver.fault:
             faults.append(f"the driver: {driver.fault}")
         if driver.frames != device.sent:
             faults.append(f"the driver got {driver.frames} of {device.sent} frames")
-        if asked != driver.requests:
-            faults.append(f"{asked} of {driver.requests} requests arrived")
+        if request != driver.requests:
+            faults.append(f"{request} of {driver.requests} requests arrived")
         if last_fds > first_fds:
             faults.append(f"descriptors grew from {first_fds} to {last_fds}")
         if last_memory - memory > MOST_GROWTH_MB:
@@ -267,7 +269,7 @@ def main() -> int:
         "frames": driver.frames,
         "lost": device.sent - driver.frames,
         "requests": driver.requests,
-        "lost_requests": driver.requests - asked,
+        "lost_requests": driver.requests - request,
         "refused_request_bytes": refused_bytes,
         "flooded_bytes": bytes(device.received).count(b"F"),
         "memory_mb": memory,
@@ -275,7 +277,7 @@ def main() -> int:
         "descriptors": last_fds,
         "most_descriptors": most_fds,
         "cpu_percent": cpu_percent,
-        "events": dict(seen),
+        "events": dict(counts),
         "faults": faults,
     }
     report("shared-day", figures)

@@ -93,18 +93,18 @@ def held(terminal: str, folder: Path) -> Iterator[tuple[int, int]]:
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     subprocess.run([sys.executable, "-c", f"import {MODULE}.process"], cwd=ROOT, env=environment, check=True)
     process = subprocess.Popen(settings.command, cwd=ROOT, env=environment)  # with byte code, as it is installed
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server, driven(process, path) as found:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server, driven(process, path) as result:
         server.connect(settings.socket)
         threading.Thread(target=lambda: [None for _ in iter(lambda: server.recv(65_536), b"")], daemon=True).start()
-        yield found
+        yield result
 
 
 @contextlib.contextmanager
 def relayed(terminal: str, folder: Path) -> Iterator[tuple[int, int]]:
     """Socat's process and a driver's descriptor."""
     path = folder / "socat"
-    with driven(subprocess.Popen(["socat", f"{terminal},raw,echo=0", f"PTY,link={path},raw,echo=0"]), path) as found:
-        yield found
+    with driven(subprocess.Popen(["socat", f"{terminal},raw,echo=0", f"PTY,link={path},raw,echo=0"]), path) as result:
+        yield result
 
 
 @contextlib.contextmanager
@@ -153,19 +153,19 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--busy", type=int, default=0, help="busy loops beside it")
     options = parser.parse_args()
-    found: dict[str, Any] = {"rate": options.rate, "busy": options.busy}
+    results: dict[str, Any] = {"rate": options.rate, "busy": options.busy}
     with tempfile.TemporaryDirectory() as folder, beside(options.busy):
         device = Terminal()
         with held(device.path, Path(folder)) as (pid, driver):
-            found |= figures(device, pid, driver, options)
+            results |= figures(device, pid, driver, options)
         if shutil.which("socat"):
             with relayed(device.path, Path(folder)) as (pid, driver):
-                found |= {f"socat_{name}": value for name, value in figures(device, pid, driver, options).items()}
+                results |= {f"socat_{name}": value for name, value in figures(device, pid, driver, options).items()}
         direct = measured(device, os.open(device.path, os.O_RDWR | os.O_NOCTTY), options)
-        found["direct_p99_ms"] = direct[int(0.99 * len(direct))]
-    found["p99_ratio"] = found["p99_ms"] / found["direct_p99_ms"]
-    found["added_p99_ms"] = found["p99_ms"] - found["direct_p99_ms"]
-    report("shared-port", found)
+        results["direct_p99_ms"] = direct[int(0.99 * len(direct))]
+    results["p99_ratio"] = results["p99_ms"] / results["direct_p99_ms"]
+    results["added_p99_ms"] = results["p99_ms"] - results["direct_p99_ms"]
+    report("shared-port", results)
 
 
 if __name__ == "__main__":

@@ -23,14 +23,14 @@ def main() -> int:
     for _ in range(times):
         with tempfile.TemporaryDirectory() as folder:
             seconds.append(round(end(Path(folder)), 2))
-    told = {
+    details = {
         "seconds": seconds,
         "budget_s": BUDGET_S,
         "load_before": round(before, 1),
         "within": max(seconds) <= BUDGET_S,
     }
-    print(json.dumps(told))
-    return 0 if told["within"] else 1
+    print(json.dumps(details))
+    return 0 if details["within"] else 1
 
 
 if __name__ == "__main__":

@@ -100,12 +100,12 @@ def by_hand(protocol: str) -> Callable[[bytes], None]:
 def measure(protocol: str) -> dict[str, float]:
     """Figures of one protocol. The measurements alternate, so that a busy machine slows all of them equally."""
     frames = frames_of(protocol)
-    found: dict[str, list[float]] = {"us": [], "us_with_columns": [], "yardstick_us": []}
+    results: dict[str, list[float]] = {"us": [], "us_with_columns": [], "yardstick_us": []}
     for _ in range(PASSES):
-        found["us"].append(median_us(frames, decoded(protocol, columns=False)))
-        found["us_with_columns"].append(median_us(frames, decoded(protocol, columns=True)))
-        found["yardstick_us"].append(median_us(frames, by_hand(protocol)))
-    best = {name: min(times) for name, times in found.items()}
+        results["us"].append(median_us(frames, decoded(protocol, columns=False)))
+        results["us_with_columns"].append(median_us(frames, decoded(protocol, columns=True)))
+        results["yardstick_us"].append(median_us(frames, by_hand(protocol)))
+    best = {name: min(times) for name, times in results.items()}
     return {"bytes": len(frames[0]), **best, "ratio": best["us"] / best["yardstick_us"]}
 
 

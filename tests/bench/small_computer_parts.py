@@ -23,7 +23,7 @@ from tests.bench.overload import Page
 from tests.bench.shared_port import held, relayed
 from tests.bench.start import importing
 from tests.bench.support.process_cost import measured, memory_mb
-from tests.bench.support.serial_devices import Speakers, heard_in, is_whole
+from tests.bench.support.serial_devices import Speakers, is_whole, received_in
 from tests.support import load_clients
 from tests.support.server_process import ServerProcess
 
@@ -123,12 +123,12 @@ def recorded(where: Place, seconds: float) -> dict[str, Any]:
             memory = memory_mb(server.process.pid)
             sent = speakers[0].sent()["devices"]
             time.sleep(1)
-        heard = heard_in(sorted((where.folder / "data" / "recordings").glob("*.mcap")))
+        received = received_in(sorted((where.folder / "data" / "recordings").glob("*.mcap")))
     share = copied(where, seconds)
     return {
         **asdict(cost),
         "memory_mb": memory,
-        "whole": is_whole(heard, sent),
+        "whole": is_whole(received, sent),
         "yardstick": {"cat_core_share": share},
         "ratio": cost.core_share / share,
     }
@@ -235,7 +235,7 @@ def copier(port: str) -> Iterator[tuple[int, int]]:
 def holder(where: Place, seconds: float) -> dict[str, Any]:
     """The holder, then the yardstick."""
     has_socat = shutil.which("socat") is not None
-    found: dict[str, Any] = {"yardstick": "socat" if has_socat else "cat"}
+    results: dict[str, Any] = {"yardstick": "socat" if has_socat else "cat"}
     for name in ("", "yardstick_"):
         with contextlib.ExitStack() as stack:
             (speaker,) = stack.enter_context(devices(1, HOLDER_RATE, seconds + 2))
@@ -252,12 +252,12 @@ def holder(where: Place, seconds: float) -> dict[str, Any]:
             time.sleep(1)
             with measured(pid) as cost:
                 time.sleep(seconds)
-            found |= {
+            results |= {
                 f"{name}core_share": cost.core_share,
                 f"{name}wakeups_per_s": cost.wakeups_per_s,
                 f"{name}memory_mb": memory_mb(pid),
             }
-    return found | {"ratio": found["core_share"] / found["yardstick_core_share"]}
+    return results | {"ratio": results["core_share"] / results["yardstick_core_share"]}
 
 
 # ── start and overload ───────────────────────────────────────────────────────────────────────────────────────────────
@@ -313,13 +313,13 @@ async def _overload(where: Place, seconds: float) -> dict[str, Any]:
             await api.received_all(sent)
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
-        heard = heard_in(sorted((where.folder / "data" / "recordings").glob("*.mcap")))
+        received = received_in(sorted((where.folder / "data" / "recordings").glob("*.mcap")))
     ages = sorted(age for _, age in page.noted)
     return {
-        "whole": float(is_whole(heard, sent)),
+        "whole": float(is_whole(received, sent)),
         "told": float(page.untold() <= 1.0),
         "untold_s": page.untold(),
-        "behind_max_s": max((behind for _, behind in page.told), default=0.0),
+        "behind_max_s": max((behind for _, behind in page.reports), default=0.0),
         "p50_ms": 1e3 * ages[len(ages) // 2],
         "p99_ms": 1e3 * ages[int(0.99 * (len(ages) - 1))],
         "dropped": page.lost,

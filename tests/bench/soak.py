@@ -43,7 +43,7 @@ from tests.support.server_process import ROOT, tied
 RATE = 2000
 CHUNKS_PER_S = 50  # 20 ms each: what a USB adapter with its timer as delivered makes of a stream
 BEGAN_NS = 1_767_225_600 * 10**9
-LOOKS = 120  # points of a curve, at most
+POINTS = 120  # points of a curve, at most
 # 12 MB a day: the allocator of a healthy process wanders by that. A renderer's memory moves by tens of MB whenever its
 # collector feels like it; what the page itself holds on to is its heap after a collection, and that must be as flat.
 FLAT_MB_PER_H = {"server": 0.5, "page": 2.0, "heap": 0.1}
@@ -133,8 +133,8 @@ class Soaked:
     """The server as a process, and how far it has come."""
 
     def __init__(self, options: argparse.Namespace, data: Path) -> None:
-        told = ["--hours", str(options.hours), "--speed", str(options.speed), "--memory-mb", str(options.memory_mb)]
-        command = [sys.executable, str(Path(__file__).resolve()), options.what, "--serve", str(data), *told]
+        messages = ["--hours", str(options.hours), "--speed", str(options.speed), "--memory-mb", str(options.memory_mb)]
+        command = [sys.executable, str(Path(__file__).resolve()), options.what, "--serve", str(data), *messages]
         self.process = subprocess.Popen(tied(command), stdout=subprocess.PIPE, text=True, cwd=ROOT)
         assert self.process.stdout
         self.url = self.process.stdout.readline().strip()
@@ -147,10 +147,10 @@ class Soaked:
         import httpx
 
         text = httpx.get(f"{self.url}/metrics", timeout=60).raise_for_status().text
-        return {found[1]: float(found[2]) for found in re.finditer(r"^(\w+)(?:\{[^}]*\})? (\S+)$", text, re.MULTILINE)}
+        return {match[1]: float(match[2]) for match in re.finditer(r"^(\w+)(?:\{[^}]*\})? (\S+)$", text, re.MULTILINE)}
 
-    def hours(self, told: dict[str, float]) -> float:
-        return told.get("imuscope_link_received_bytes_total", 0.0) / self._size / RATE / 3600
+    def hours(self, notice: dict[str, float]) -> float:
+        return notice.get("imuscope_link_received_bytes_total", 0.0) / self._size / RATE / 3600
 
     def stop(self) -> None:
         self.process.terminate()
@@ -163,14 +163,14 @@ class Soaked:
         self.process.stdout.close()
 
 
-async def watched(soaked: Soaked, options: argparse.Namespace, look: Any) -> dict[str, Any]:
+async def watched(soaked: Soaked, options: argparse.Namespace, check: Any) -> dict[str, Any]:
     """Sample every few seconds until the day or the time is over; returns the server's final state."""
-    began, told = time.monotonic(), {}
-    every = max(0.5, options.minutes * 60 / LOOKS)
+    began, notice = time.monotonic(), {}
+    every = max(0.5, options.minutes * 60 / POINTS)
     while time.monotonic() - began < options.minutes * 60:
-        told = await asyncio.to_thread(soaked.metrics)
-        hours = soaked.hours(told)
-        look(hours)
+        notice = await asyncio.to_thread(soaked.metrics)
+        hours = soaked.hours(notice)
+        check(hours)
         if sys.stderr.isatty():
             print(f"\r{hours:6.2f} h", end="", file=sys.stderr, flush=True)
         if hours >= options.hours - 0.01:
@@ -178,13 +178,13 @@ async def watched(soaked: Soaked, options: argparse.Namespace, look: Any) -> dic
         await asyncio.sleep(every)
     minutes = (time.monotonic() - began) / 60
     return {
-        "hours": soaked.hours(told),
+        "hours": soaked.hours(notice),
         "minutes": minutes,
-        "speed": soaked.hours(told) * 60 / minutes,
-        "lost_samples": told.get("imuscope_link_lost_samples_total"),
+        "speed": soaked.hours(notice) * 60 / minutes,
+        "lost_samples": notice.get("imuscope_link_lost_samples_total"),
         "server_core_share": seconds_of(soaked.process.pid) / minutes / 60,
-        "open_files": told.get("process_open_fds"),
-        "dropped": told.get("imuscope_dropped_samples_total"),
+        "open_files": notice.get("process_open_fds"),
+        "dropped": notice.get("imuscope_dropped_samples_total"),
     }
 
 
@@ -197,8 +197,8 @@ async def server_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -
     finally:
         reading.cancel()
         await asyncio.gather(reading, return_exceptions=True)
-    kept = list((data / "recordings").glob("*.mcap"))
-    recordings = {"files": len(kept), "gb": sum(path.stat().st_size for path in kept) / 1e9, "quota_gb": QUOTA_GB}
+    entries = list((data / "recordings").glob("*.mcap"))
+    recordings = {"files": len(entries), "gb": sum(path.stat().st_size for path in entries) / 1e9, "quota_gb": QUOTA_GB}
     return {**out, "recordings": recordings, "client_messages": good.messages, "memory": curve(points, "h")}
 
 
@@ -220,41 +220,41 @@ async def page_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -> 
         devtools = await page.context.new_cdp_session(page)
         await devtools.send("Performance.enable")
 
-        async def look_on() -> None:
+        async def watch() -> None:
             while True:
                 await devtools.send("HeapProfiler.collectGarbage")
-                told = await devtools.send("Performance.getMetrics")
-                figures = {one["name"]: one["value"] for one in told["metrics"]}
+                notice = await devtools.send("Performance.getMetrics")
+                figures = {one["name"]: one["value"] for one in notice["metrics"]}
                 heap.append((places[-1] if places else 0.0, figures["JSHeapUsedSize"] / 1e6))
                 nodes.append(int(figures["Nodes"]))
                 rss.append((places[-1] if places else 0.0, sum(map(resident_mb, renderers()))))
-                await asyncio.sleep(max(1.0, options.minutes * 60 / LOOKS))
+                await asyncio.sleep(max(1.0, options.minutes * 60 / POINTS))
 
         places: list[float] = []
-        looking = asyncio.create_task(look_on())
+        viewers = asyncio.create_task(watch())
         try:
             out = await watched(soaked, options, places.append)
-            if looking.done():
-                looking.result()
+            if viewers.done():
+                viewers.result()
         finally:
-            looking.cancel()
-            await asyncio.gather(looking, return_exceptions=True)
-        seen = await page.evaluate(
+            viewers.cancel()
+            await asyncio.gather(viewers, return_exceptions=True)
+        observed = await page.evaluate(
             "window.imuscope?.store.channels.value.reduce((sum, channel) => sum + channel.ring.length, 0) ?? -1"
         )
         await browser.close()
     figures = {"memory": curve(rss, "h"), "heap": curve(heap, "h"), "nodes": [nodes[0], max(nodes), nodes[-1]]}
-    return {**out, **figures, "samples_in_page": seen, "page_errors": faults[:5]}
+    return {**out, **figures, "samples_in_page": observed, "page_errors": faults[:5]}
 
 
 def renderers() -> list[int]:
     """Renderer processes of Chromium that this process started."""
-    found = []
+    results = []
     for pid in descendants(os.getpid()):
         with suppress(OSError):
             if b"--type=renderer" in Path(f"/proc/{pid}/cmdline").read_bytes():
-                found.append(pid)
-    return found
+                results.append(pid)
+    return results
 
 
 def main() -> int:
@@ -282,9 +282,9 @@ def main() -> int:
             soaked.stop()
     flat = out["memory"]["mb_per_h"] <= FLAT_MB_PER_H[options.what]
     flat = flat and out.get("heap", {}).get("mb_per_h", 0.0) <= FLAT_MB_PER_H["heap"]
-    kept = {"flat": flat, "nothing_lost": out["lost_samples"] == 0, "no_page_errors": not out.get("page_errors")}
-    report(f"soak-{options.what}", {"rate_hz": RATE, **out, "budget": {"mb_per_h": FLAT_MB_PER_H}, "verdict": kept})
-    return status_of(kept)
+    entries = {"flat": flat, "nothing_lost": out["lost_samples"] == 0, "no_page_errors": not out.get("page_errors")}
+    report(f"soak-{options.what}", {"rate_hz": RATE, **out, "budget": {"mb_per_h": FLAT_MB_PER_H}, "verdict": entries})
+    return status_of(entries)
 
 
 if __name__ == "__main__":

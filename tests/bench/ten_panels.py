@@ -55,9 +55,9 @@ def processor_time(page: Page) -> float:
     browser = page.context.browser
     assert browser is not None
     client = browser.new_browser_cdp_session()
-    found = client.send("SystemInfo.getProcessInfo")["processInfo"]
+    results = client.send("SystemInfo.getProcessInfo")["processInfo"]
     client.detach()
-    return float(sum(one["cpuTime"] for one in found if one["type"] in ("renderer", "GPU")))
+    return float(sum(one["cpuTime"] for one in results if one["type"] in ("renderer", "GPU")))
 
 
 def wait_until(page: Page, condition: str, seconds: float = 400.0) -> None:
@@ -88,13 +88,13 @@ def of_recording(page: Page, url: str, seconds: float) -> dict[str, Any]:
     page.goto(f"{url}/#/recordings/hour?workspace={workspace}")
     wait_until(page, "window.imuscopeReplay !== undefined && imuscopeReplay.progress.value === 1")
     wait_until(page, "imuscopeReplay.isShown")
-    found: dict[str, Any] = {"panels": page.evaluate(SHOWN), "whole": measured(page, seconds)}
+    results: dict[str, Any] = {"panels": page.evaluate(SHOWN), "whole": measured(page, seconds)}
     page.evaluate("{const at = imuscopeReplay.bounds.first + 60; imuscope.actions.select(at, at + 60);}")
     page.evaluate(PAN)
-    found["pan"] = measured(page, seconds)
+    results["pan"] = measured(page, seconds)
     page.evaluate("window.onBenchFrame = undefined; imuscopeReplay.toggle()")
-    found["play"] = measured(page, seconds)
-    return found
+    results["play"] = measured(page, seconds)
+    return results
 
 
 def of_live(page: Page, url: str, seconds: float) -> dict[str, Any]:

@@ -27,7 +27,7 @@ import httpx
 
 from tests.bench.support import serial_device as feeding
 from tests.bench.support.report import options_of, percentile, report
-from tests.server.extensions.viser.viser_client import looking, turns
+from tests.server.extensions.viser.viser_client import turns, viewing
 from tests.support.forking.forked_workers import workers_of
 from tests.support.processes import seconds_of
 from tests.support.server_process import ServerProcess
@@ -43,8 +43,8 @@ class Viewer:
     def __init__(self) -> None:
         self.at: list[float] = []
 
-    async def look(self, url: str) -> None:
-        async with looking(url) as socket:
+    async def watch(self, url: str) -> None:
+        async with viewing(url) as socket:
             while True:
                 data = await socket.recv()
                 if turns(data):
@@ -55,7 +55,7 @@ async def watched(url: str, viewers: int, server: int, seconds: float) -> dict[s
     """Shares of a core with this number of viewers."""
     async with AsyncExitStack() as stack:
         group = [Viewer() for _ in range(viewers)]
-        tasks = [asyncio.create_task(viewer.look(url)) for viewer in group]
+        tasks = [asyncio.create_task(viewer.watch(url)) for viewer in group]
         stack.callback(lambda: [task.cancel() for task in tasks])
         await asyncio.sleep(SETTLE_S)
         [pid] = workers_of(server, "imuscope.server.extensions.viser.worker")
@@ -99,12 +99,12 @@ def main() -> None:
         begun = time.monotonic()
         httpx.get(server.url + "/viser/", timeout=60).raise_for_status()
         first = time.monotonic() - begun
-        found = [asyncio.run(watched(server.url, viewers, pid, seconds)) for viewers in (1, 10)]
-    for one in found:
+        results = [asyncio.run(watched(server.url, viewers, pid, seconds)) for viewers in (1, 10)]
+    for one in results:
         one["server_core_more"] = one["server_core"] - alone
         one["core"] = one["viser_core"] + one["server_core_more"]
         one["of_yardstick"] = one["viser_core"] / alone
-    figures = {"rate": RATE, "nobody_server_core": alone, "first_look_s": first, "looked_at": found, "budget": BUDGET}
+    figures = {"rate": RATE, "nobody_server_core": alone, "first_look_s": first, "looked_at": results, "budget": BUDGET}
     report("viser", figures)
 
 

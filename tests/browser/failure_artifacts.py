@@ -33,13 +33,13 @@ def pytest_runtest_makereport(
 
 def _keep(name: str) -> list[str]:
     FOLDER.mkdir(parents=True, exist_ok=True)
-    kept = []
+    entries = []
     for number, page in enumerate(browser_engine.pages()):
         path = FOLDER / f"{name}{f'-{number}' if number else ''}.png"
         with suppress(Error):  # one that is closing, or that draws for too long
             page.screenshot(path=path)
-            kept.append(f"{path} ({page.url})")
+            entries.append(f"{path} ({page.url})")
     logs = [f"── {one.url}\n{one.log}" for one in server_process.begun_last]
     path = FOLDER / f"{name}.txt"
     path.write_text("\n".join(["── consoles", *browser_engine.console, *logs]), encoding="utf-8")
-    return [*kept, str(path)]
+    return [*entries, str(path)]

@@ -104,7 +104,7 @@ class Studio:
         yield page
         context.close()
 
-    def ask(self, method: str, path: str, body: Any = None, sources: tuple[str, ...] = ()) -> Any:
+    def request(self, method: str, path: str, body: Any = None, sources: tuple[str, ...] = ()) -> Any:
         """One request to a server's API."""
         content = None if body is None else json.dumps(body).encode()
         address = self.server(*sources).url.rstrip("/") + path
@@ -115,15 +115,15 @@ class Studio:
     def recorded(self) -> str:
         """The id of a recording of all simulators, with markers and words."""
         if not self.recording:
-            self.ask("POST", "/api/recordings/start", {})
+            self.request("POST", "/api/recordings/start", {})
             for text in ("leaves the yard", "kerb"):
                 time.sleep(RECORDED_S / 3)
-                self.ask("POST", "/api/recordings/mark", {"text": text})
+                self.request("POST", "/api/recordings/mark", {"text": text})
             time.sleep(RECORDED_S / 3)
-            self.ask("POST", "/api/recordings/stop")
-            self.recording = self.ask("GET", "/api/recordings")[0]["id"]
+            self.request("POST", "/api/recordings/stop")
+            self.recording = self.request("GET", "/api/recordings")[0]["id"]
             words = {"title": "Yard loop", "tags": ["calibrated"], "notes": "New mounting plate."}
-            self.recording = self.ask("PATCH", f"/api/recordings/{self.recording}", words)["id"]
+            self.recording = self.request("PATCH", f"/api/recordings/{self.recording}", words)["id"]
         return self.recording
 
     def close(self) -> None:
@@ -356,7 +356,7 @@ def corrections(studio: Studio) -> None:
 def library(studio: Studio) -> None:
     with opened(studio):  # contents of an opened recording are known: its thumbnail, messages, losses
         limit = time.monotonic() + PATIENCE_S
-        while not studio.ask("GET", "/api/recordings")[0]["opened"] and time.monotonic() < limit:
+        while not studio.request("GET", "/api/recordings")[0]["opened"] and time.monotonic() < limit:
             time.sleep(0.5)
     with studio.page(at="#/recordings") as page:
         until(page, "document.querySelector('.recording-list tbody tr b a') !== null")
@@ -437,12 +437,12 @@ def questions(studio: Studio) -> None:
 def main() -> None:
     """The command line."""
     path = chromium.required()
-    wanted = sys.argv[1:] or list(PAINTERS)
+    expected = sys.argv[1:] or list(PAINTERS)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
         studio = Studio(browser, Path(folder))
         try:
-            for name in wanted:
+            for name in expected:
                 PAINTERS[name](studio)
         finally:
             studio.close()

@@ -54,7 +54,7 @@ TARGETS = """() => {
 
 
 # While a page is looked at nothing is drawn: drawing took most of the time.
-LOOK = """async (options) => {
+AUDIT = """async (options) => {
   const draw = window.requestAnimationFrame, held = [];
   window.requestAnimationFrame = frame => held.push(frame);
   try { return await axe.run(PLACE, {resultTypes: ["violations"], ...options}); }
@@ -77,20 +77,20 @@ def serious(page: Page, place: str = "document", *, colours: bool = True) -> lis
     """
     if page.evaluate("window.axe === undefined"):
         page.evaluate(AXE.read_text())
-    told = []
+    messages = []
     themes: dict[str, dict[str, Any]] = {"dark": {}, "light": CONTRAST} if colours else {"dark": NO_CONTRAST}
     for theme, options in themes.items():
         page.emulate_media(color_scheme=theme, reduced_motion="reduce")  # type: ignore[arg-type]
         until(page, f"document.documentElement.dataset.theme === {theme!r}")
         until(page, STILL)
-        found = page.evaluate(LOOK.replace("PLACE", place), options)
-        told += [
+        results = page.evaluate(AUDIT.replace("PLACE", place), options)
+        messages += [
             f"{theme}: {rule['id']}: {rule['help']}: {node['html'][:120]}"
-            for rule in found["violations"]
+            for rule in results["violations"]
             if rule["impact"] in ("serious", "critical")
             for node in rule["nodes"]
         ]
-    return told
+    return messages
 
 
 # Where every box on the page is, but for those that are as wide as the digits in them, the lines of the event list (a

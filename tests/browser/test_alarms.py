@@ -36,9 +36,9 @@ def alarm(name: str, **state: Any) -> dict[str, Any]:
 
 def test_the_list_and_the_form(open_page: Callable[..., Page]) -> None:
     """Nothing serious from axe; on a phone the form has room, and a finger hits all of it."""
-    seen = alarm("Seen", status="acknowledged", acknowledged=1.76e9, acknowledged_by="Ada")
+    observed = alarm("Seen", status="acknowledged", acknowledged=1.76e9, acknowledged_by="Ada")
     answers = {
-        "GET /api/alarms": [alarm("Hard"), seen],
+        "GET /api/alarms": [alarm("Hard"), observed],
         "POST /api/alarms/check": {**MISTAKE, "begin": 5, "end": 10, "devices": [], "notes": []},
     }
     with Story("xbus", answers=answers) as story:

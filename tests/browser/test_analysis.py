@@ -54,8 +54,8 @@ def figures(axis: str) -> dict[str, Any]:
 
 def test_figures_on_a_desktop_and_a_phone(open_page: Callable[..., Page]) -> None:
     """And on a phone, where the dialog has room and a finger hits all of it."""
-    found = [figures(axis) for axis in "xyz"]
-    with Story("xbus", answers={f"POST /api/analysis/{name}": found for name in ("psd", "allan")}) as story:
+    results = [figures(axis) for axis in "xyz"]
+    with Story("xbus", answers={f"POST /api/analysis/{name}": results for name in ("psd", "allan")}) as story:
         page = story.open(open_page)
         press(page, "a", f"{CURVES} === 3")
         box = page.locator(".analysis-chart > svg").bounding_box()
@@ -75,9 +75,9 @@ def test_figures_on_a_desktop_and_a_phone(open_page: Callable[..., Page]) -> Non
 
 def test_a_spectrogram_stands_under_the_plots_to_the_pixel(open_page: Callable[..., Page]) -> None:
     """And the plots beside panels keep room for more than a strip of themselves."""
-    found = figures("x")
-    found["figures"] |= {"time": NUMBERS, "psd": [NUMBERS] * 5, "step": 100}
-    with Story("xbus", answers={"POST /api/analysis/spectrogram": [found]}) as story:
+    result = figures("x")
+    result["figures"] |= {"time": NUMBERS, "psd": [NUMBERS] * 5, "step": 100}
+    with Story("xbus", answers={"POST /api/analysis/spectrogram": [result]}) as story:
         page = story.open(open_page, width=DESKTOP[0], height=DESKTOP[1])
         show(page, "Spectrogram")
         until(page, f"{EDGES} === '0 0'")

@@ -97,7 +97,7 @@ def proxy(serve: Callable[..., ServerProcess], tmp_path: Path) -> Iterator[Calla
         one.server_close()
 
 
-def test_everything_is_asked_for_below_the_path(
+def test_everything_is_requested_below_the_path(
     proxy: Callable[..., PathProxy], open_page: Callable[..., Page]
 ) -> None:
     behind = proxy()

@@ -21,7 +21,7 @@ from tests.support.server_process import ServerProcess
 PLACE = "document.querySelector('dialog[open]')"
 WORDS = f"{PLACE}?.innerText"
 TUMBLING = "sim:xbus?rate=100&seed=1&motion=tumble&hard_iron=0.3&soft_iron=0.1"
-FOUND = "document.querySelector('.calibration-result') !== null"
+HAS_RESULT = "document.querySelector('.calibration-result') !== null"
 
 
 def coach(page: Page, kind: str) -> None:
@@ -35,7 +35,7 @@ def coach(page: Page, kind: str) -> None:
 def test_a_magnetometer_on_a_phone(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
     page = opened(serve(TUMBLING), open_page, PHONE)
     coach(page, "Magnetometer")
-    until(page, FOUND)
+    until(page, HAS_RESULT)
     assert "Residual after" in page.evaluate(WORDS)
     assert serious(page, PLACE) == []
     assert page.evaluate(f"{PLACE}.scrollWidth") <= PHONE[0]
@@ -52,5 +52,5 @@ def test_six_positions_on_a_phone(serve: Callable[..., ServerProcess], open_page
     until(page, "document.querySelectorAll('.calibration-positions .is-done').length >= 2")
     assert page.evaluate("document.scrollingElement.scrollWidth") <= PHONE[0]
     assert serious(page, PLACE) == []
-    until(page, FOUND)
+    until(page, HAS_RESULT)
     assert "Rests used" in page.evaluate(WORDS)

@@ -75,19 +75,19 @@ def expected(captures: Path) -> dict[int, list[float]]:
 
 def pinned(page: Page, counter: int) -> tuple[int, dict[str, float], dict[str, float]]:
     """Pin the cursor on a sample. Returns its counter, the derived angles in memory and those written on the page."""
-    found: dict[str, Any] = until(page, FIND, counter)
-    page.evaluate(PIN, found["time"])
+    results: dict[str, Any] = until(page, FIND, counter)
+    page.evaluate(PIN, results["time"])
 
     def shown() -> dict[str, float]:
         return {name: number(text) for name, text in page.evaluate(SHOWN).items()}
 
     def is_there() -> bool:
-        return all(shown().get(name) == pytest.approx(value, abs=0.0052) for name, value in found["angles"].items())
+        return all(shown().get(name) == pytest.approx(value, abs=0.0052) for name, value in results["angles"].items())
 
     with suppress(AssertionError):  # the caller says which angle is wrong
         block_until(is_there, "the angles of that moment")  # the table is written a few times a second
     drawn(page)  # numerals
-    return found["counter"], found["angles"], shown()
+    return results["counter"], results["angles"], shown()
 
 
 def test_a_capture_plays_and_its_attitude_is_right(
@@ -111,9 +111,9 @@ def test_a_capture_plays_and_its_attitude_is_right(
     )
     yaws = set()
     for share in TIMES:
-        wanted = counters[round(share * (len(counters) - 1))]
-        counter, memory, shown = pinned(page, wanted)
-        assert abs(counter - wanted) < len(counters) / 20
+        target = counters[round(share * (len(counters) - 1))]
+        counter, memory, shown = pinned(page, target)
+        assert abs(counter - target) < len(counters) / 20
         truth = euler_degrees(*expected[counter])
         for angle, value in truth.items():
             assert memory[angle] == pytest.approx(value, abs=2e-4), f"{angle} in memory at counter {counter}"

@@ -66,7 +66,7 @@ def test_a_rate_is_changed_in_five_actions_the_plot_follows_and_a_profile_goes_b
     page.get_by_role("button", name="Apply this profile").click()
     page.get_by_role("dialog").get_by_role("button", name="Write profile").click()
     until(page, "document.querySelector('.compare')?.innerText.includes('No difference')")
-    entries = server.ask("GET", "/api/devices/1/values")["values"]["OutputConfiguration"]["outputs"]
+    entries = server.request("GET", "/api/devices/1/values")["values"]["OutputConfiguration"]["outputs"]
     assert {"data_identifier": 0x4020, "output_frequency": 100} in entries
 
 

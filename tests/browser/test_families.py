@@ -37,7 +37,7 @@ COVERED = """canvas => { const {data} = canvas.getContext("2d").getImageData(0, 
 
 INK = """canvas => { const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
     let n = 0; for (let k = 3; k < data.length; k += 4) n += data[k] > 200; return n; }"""
-LARGE = "document.querySelector('dialog .track-box canvas')"
+LARGE_VIEW = "document.querySelector('dialog .track-box canvas')"
 
 
 def enlarged(page: Page) -> None:
@@ -45,26 +45,26 @@ def enlarged(page: Page) -> None:
     button.focus()
     page.keyboard.press("Enter")
     page.get_by_role("dialog", name="Track of").wait_for()
-    until(page, f"({INK})({LARGE}) > 100")
+    until(page, f"({INK})({LARGE_VIEW}) > 100")
 
 
 def shown_on_a_map(page: Page, story: Story) -> None:
     """Tiles cover the large track; each is asked for once, and the map can be taken away."""
     enlarged(page)
     until(page, "document.querySelector('dialog .attribution')?.innerText.includes('the survey')")
-    until(page, f"({COVERED})({LARGE}) > 0.9")
+    until(page, f"({COVERED})({LARGE_VIEW}) > 0.9")
 
     def tiles() -> list[str]:
-        return [one for one in story.asked if "/tiles/" in one]
+        return [one for one in story.requests if "/tiles/" in one]
 
     while len(tiles()) < 4:  # further out the picture is where tiles meet
         page.get_by_role("dialog").get_by_role("button", name="Zoom out", exact=True).click()
         drawn(page)
-    until(page, f"({COVERED})({LARGE}) > 0.9")
+    until(page, f"({COVERED})({LARGE_VIEW}) > 0.9")
     assert len(tiles()) < 200
     assert len(tiles()) == len(set(tiles())), "each is asked for once"
     page.get_by_role("dialog").get_by_role("button", name="Map", exact=True).click()
-    until(page, f"({COVERED})({LARGE}) === 0")
+    until(page, f"({COVERED})({LARGE_VIEW}) === 0")
 
 
 def test_the_track_is_large_with_a_map_where_there_is_one(open_page: Callable[..., Page]) -> None:
@@ -99,8 +99,8 @@ def test_the_track_is_large_with_a_map_where_there_is_one(open_page: Callable[..
         assert page.get_by_role("dialog").get_by_role("button", name="Map", exact=True).count() == 0
         press(page, "Escape", "document.querySelector('dialog') === null")
         assert page.evaluate("document.activeElement.className") == "enlarge"
-        assert "GET /api/map" in story.asked
-        assert not [one for one in story.asked if "/tiles/" in one], "no map was configured"
+        assert "GET /api/map" in story.requests
+        assert not [one for one in story.requests if "/tiles/" in one], "no map was configured"
 
         map_of |= {"tiles": True, "attribution": "© the survey"}
         shown_on_a_map(page, story)

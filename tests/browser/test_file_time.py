@@ -47,7 +47,7 @@ def is_open(seconds: float) -> str:
     return f"Math.abs({LASTS} - {seconds}) < 0.005"
 
 
-def test_a_table_is_asked_about_once_for_its_heading(
+def test_a_table_is_queried_once_for_its_heading(
     server: ServerProcess, open_page: Callable[..., Page], tmp_path: Path
 ) -> None:
     page = open_page(f"{server.url}/#/recordings", still=True)

@@ -38,11 +38,11 @@ class Firefox:
         self._socket = socket
         self._numbers = count(1)
         self.console: list[str] = []  # errors and warnings
-        self.ask("session.new", capabilities={})
-        self.ask("session.subscribe", events=["log.entryAdded"])
-        self._page = self.ask("browsingContext.getTree")["contexts"][0]["context"]
+        self.request("session.new", capabilities={})
+        self.request("session.subscribe", events=["log.entryAdded"])
+        self._page = self.request("browsingContext.getTree")["contexts"][0]["context"]
 
-    def ask(self, method: str, **parameters: Any) -> Any:
+    def request(self, method: str, **parameters: Any) -> Any:
         """The result of a command."""
         number = next(self._numbers)
         self._socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
@@ -57,14 +57,14 @@ class Firefox:
     def open(self, url: str) -> None:
         """Load an address anew."""
         for address in ("about:blank", url):
-            self.ask("browsingContext.navigate", context=self._page, url=address, wait="complete")
+            self.request("browsingContext.navigate", context=self._page, url=address, wait="complete")
 
     def holds(self, expression: str) -> bool:
         """Whether an expression is true in the page."""
-        found = self.ask(
+        result = self.request(
             "script.evaluate", expression=f"Boolean({expression})", target={"context": self._page}, awaitPromise=True
         )
-        return bool(found["result"]["value"])
+        return bool(result["result"]["value"])
 
     def wait_for(self, expression: str) -> None:
         """Wait until an expression is true."""

@@ -48,8 +48,8 @@ def test_a_fleet(fleet: SyntheticFleet, open_page: Callable[..., Page]) -> None:
     assert set(page.evaluate(NAMES)[: len(lost)]) == lost
     assert page.evaluate(f"{ROWS}.length") < 80
     assert serious(page) == []
-    for look in (reach_by_keys, show_on_a_map, filter_and_group, hold_still_while_figures_change, use_a_phone):
-        look(page, fleet, lost)
+    for check in (reach_by_keys, show_on_a_map, filter_and_group, hold_still_while_figures_change, use_a_phone):
+        check(page, fleet, lost)
 
 
 def reach_by_keys(page: Page, *others: object) -> None:

@@ -110,19 +110,19 @@ def test_a_page_of_another_origin_can_neither_read_nor_act(
     before = state(server)
 
     visitor.goto(stranger)
-    seen = visitor.evaluate(ATTACK, [server.url, server.url.replace("http", "ws"), device["id"]])
+    observed = visitor.evaluate(ATTACK, [server.url, server.url.replace("http", "ws"), device["id"]])
     assert state(server) == before
-    sockets = {name: what for name, what in seen.items() if name.startswith("socket")}
+    sockets = {name: what for name, what in observed.items() if name.startswith("socket")}
     assert set(sockets.values()) == {"refused"}
-    assert seen["read"] == "TypeError"  # sent, as any page's may be, but never shown to the page
-    assert not [name for name, what in seen.items() if isinstance(what, int)]  # no answer was readable
-    assert {"opaque", "refused", "TypeError"} >= set(seen.values())
+    assert observed["read"] == "TypeError"  # sent, as any page's may be, but never shown to the page
+    assert not [name for name, what in observed.items() if isinstance(what, int)]  # no answer was readable
+    assert {"opaque", "refused", "TypeError"} >= set(observed.values())
 
     # The same page under a name of its owner that leads here: of one origin with the server, if the server let it.
     rebound = f"http://{REBOUND}:{urlsplit(server.url).port}"
     visitor.goto(rebound)
-    seen = visitor.evaluate(ATTACK, [rebound, rebound.replace("http", "ws"), device["id"]])
+    observed = visitor.evaluate(ATTACK, [rebound, rebound.replace("http", "ws"), device["id"]])
     assert state(server) == before
-    assert {what for name, what in seen.items() if name.startswith("socket")} == {"refused"}
-    assert {what for name, what in seen.items() if name.startswith("json") or name == "delete"} == {403}
-    assert "bad-host" in seen["read"]
+    assert {what for name, what in observed.items() if name.startswith("socket")} == {"refused"}
+    assert {what for name, what in observed.items() if name.startswith("json") or name == "delete"} == {403}
+    assert "bad-host" in observed["read"]

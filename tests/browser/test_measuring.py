@@ -57,7 +57,7 @@ def measure_as_numpy(recorded: ServerProcess, page: Page, whole: bool) -> None:
         )
     press(page, "b", COUNTED)
     rows = {row["signal"]: row for row in figures(page)}
-    [info] = recorded.ask("GET", "/api/recordings")
+    [info] = recorded.request("GET", "/api/recordings")
     device = page.evaluate("imuscope.view.value.device")
     for name in ("Acceleration.x", "RateOfTurn.z"):
         row = rows[name]
@@ -67,7 +67,7 @@ def measure_as_numpy(recorded: ServerProcess, page: Page, whole: bool) -> None:
             "t0": min(float(row["t_a_s"]), float(row["t_b_s"])),
             "t1": max(float(row["t_a_s"]), float(row["t_b_s"])),
         }
-        [samples] = recorded.ask("POST", "/api/analysis/expression", body)
+        [samples] = recorded.request("POST", "/api/analysis/expression", body)
         time, values = np.array(samples["figures"]["time"]), np.array(samples["figures"]["values"])
         steps = np.diff(time)
         expected = {
@@ -95,17 +95,17 @@ def go_to_a_condition(recorded: ServerProcess, page: Page) -> None:
     page.keyboard.type("norm(Acceleration) > 9.9 m/s²")
     press(page, "Enter", "document.querySelector('.go-to-said')?.innerText.includes('UTC, true')")
     first = page.evaluate("imuscope.cursor.value.time")
-    [info] = recorded.ask("GET", "/api/recordings")
+    [info] = recorded.request("GET", "/api/recordings")
     body = {
         "source": info["id"],
         "device": page.evaluate("imuscope.view.value.device"),
         "signals": ["norm(Acceleration) > 9.9 m/s²"],
     }
-    [found] = recorded.ask("POST", "/api/analysis/intervals", body)
-    assert found["figures"]["begin"][0] == pytest.approx(first, abs=1e-6)
+    [result] = recorded.request("POST", "/api/analysis/intervals", body)
+    assert result["figures"]["begin"][0] == pytest.approx(first, abs=1e-6)
     page.evaluate("document.activeElement.blur()")
     press(page, "n", f"imuscope.cursor.value.time > {first}")
-    assert page.evaluate("imuscope.cursor.value.time") == pytest.approx(found["figures"]["begin"][1], abs=1e-6)
+    assert page.evaluate("imuscope.cursor.value.time") == pytest.approx(result["figures"]["begin"][1], abs=1e-6)
     assert serious(page, "document.querySelector('.go-to')") == []
 
 
@@ -137,7 +137,7 @@ def pair_on_the_server(recorded: ServerProcess, page: Page) -> None:
     show(page, "XY plot", "Histogram")
     until(page, f"/[1-9].* samples · same sample times/.test({ABOUT})")
     until(page, f"{INK} > 20")
-    [info] = recorded.ask("GET", "/api/recordings")
+    [info] = recorded.request("GET", "/api/recordings")
     for part in (1, 2):  # half of it: no longer the same range, and again every sample of it
         page.evaluate(
             "part => {const {end, span} = imuscope.view.value; imuscope.actions.select(end - span / part, end);}", part
@@ -149,7 +149,7 @@ def pair_on_the_server(recorded: ServerProcess, page: Page) -> None:
             "t0": view["end"] - view["span"],
             "t1": view["end"],
         }
-        [x] = recorded.ask("POST", "/api/analysis/statistics", body)
+        [x] = recorded.request("POST", "/api/analysis/statistics", body)
         until(page, f"Number({ABOUT}.split('samples')[0].replace(/\\D/g, '')) === {x['figures']['n']}")
     assert serious(page, XY) == []
 
@@ -158,14 +158,14 @@ def histogram_as_numpy(recorded: ServerProcess, page: Page) -> None:
     page.evaluate("imuscope.actions.fit()")
     until(page, f"{OUTLINES} === 3")
     view = page.evaluate("imuscope.view.value")
-    [info] = recorded.ask("GET", "/api/recordings")
+    [info] = recorded.request("GET", "/api/recordings")
     body: dict[str, Any] = {
         "source": info["id"],
         "signals": [f"{view['device']}/RateOfTurn.x"],
         "t0": view["end"] - view["span"],
         "t1": view["end"],
     }
-    [samples] = recorded.ask("POST", "/api/analysis/expression", body)
+    [samples] = recorded.request("POST", "/api/analysis/expression", body)
     values = np.array(samples["figures"]["values"])
     until(page, f"Number({HISTOGRAM}.querySelectorAll('tbody td')[0].innerText.replace(/\\D/g, '')) === {len(values)}")
     row = page.evaluate(f"[...{HISTOGRAM}.querySelectorAll('tbody tr')[0].cells].map(one => one.innerText)")

@@ -227,7 +227,7 @@ def test_clicks_measure_and_lead_to_the_bytes(open_page: Callable[..., Page]) ->
 
         page.mouse.click(where(page, 0.4), area(page)[2], button="right")
         until(page, BYTES)
-        assert any(one.startswith("GET /api/devices/1/frames?") for one in story.asked)
+        assert any(one.startswith("GET /api/devices/1/frames?") for one in story.requests)
         assert serious(page, "document.querySelector('dialog')") == []
         click(page, "button", "Show in plot", f"{DIALOG} === null && imuscope.cursor.value?.kind === 'pinned'")
 

@@ -26,15 +26,17 @@ PAGES = "[...document.querySelectorAll('.nav a')].map(one => one.innerText).join
 
 
 @pytest.fixture
-def asked(tmp_path: Path, serve: Callable[..., ServerProcess]) -> ServerProcess:
+def question_server(tmp_path: Path, serve: Callable[..., ServerProcess]) -> ServerProcess:
     """A server with a store of one recording."""
     drive(tmp_path / "drive.mcap", 70)
     upload(tmp_path / "drive.mcap", location(str(tmp_path / "store")), "otter", DecodeOptions())
     return serve(SILENT, arguments=("--store", str(tmp_path / "store")))
 
 
-def test_a_question_from_the_page_to_the_recording(asked: ServerProcess, open_page: Callable[..., Page]) -> None:
-    page = open_page(asked.url)
+def test_a_question_from_the_page_to_the_recording(
+    question_server: ServerProcess, open_page: Callable[..., Page]
+) -> None:
+    page = open_page(question_server.url)
     until(page, f"{PAGES} === 'Live Configure Recordings Questions'")
     page.get_by_role("link", name="Questions").first.click()
     until(page, "document.querySelectorAll('.question-start button').length === 4")

@@ -77,7 +77,7 @@ def test_from_the_record_button_to_the_list(
     until(page, "document.querySelector('.recording-list')?.innerText.includes('recording now')")
     assert page.evaluate("window.imuscope.store.recorder.value.running")  # another page stops nothing
     press(page, "Shift+R", f"!window.imuscope.store.recorder.value.running && {FIRST} !== null")
-    [info] = server.ask("GET", "/api/recordings")
+    [info] = server.request("GET", "/api/recordings")
     assert info["markers"] == 1
     assert info["notes"].startswith("Start of the run [")
     page.evaluate(f"{FIRST}.click()")
@@ -89,10 +89,10 @@ def test_a_recording_is_read_shared_exported_and_played(
     recorded: ServerProcess, open_page: Callable[..., Page]
 ) -> None:
     page = opened(recorded, open_page)
-    looks = (zoom_and_scrub, read_at_every_zoom, see_a_loss_at_every_zoom, measure_the_whole, analyse, export_the_view)
-    for look in looks:
+    views = (zoom_and_scrub, read_at_every_zoom, see_a_loss_at_every_zoom, measure_the_whole, analyse, export_the_view)
+    for check in views:
         page.keyboard.press("f")
-        look(recorded, page)
+        check(recorded, page)
         page.keyboard.press("Escape")
         until(page, "document.querySelector('dialog') === null")  # until then keys are not the recording's
     share_a_link(page)
@@ -125,12 +125,12 @@ def zoom_and_scrub(recorded: ServerProcess, page: Page) -> None:
 
 
 def read_at_every_zoom(recorded: ServerProcess, page: Page) -> None:
-    [info, *_] = recorded.ask("GET", "/api/recordings")
-    detail = recorded.ask("GET", f"/api/recordings/{info['id']}")
+    [info, *_] = recorded.request("GET", "/api/recordings")
+    detail = recorded.request("GET", f"/api/recordings/{info['id']}")
     t = detail["t0"] + 0.6 * (detail["t1"] - detail["t0"])
     channel = next(one for one in detail["channels"] if one["device"] == "1" and one["name"] == "Acceleration")
     path = f"/api/recordings/{info['id']}/query?channel={channel['id']}&t0={t - 0.05}&t1={t}&format=json"
-    table = recorded.ask("GET", path)["columns"]
+    table = recorded.request("GET", path)["columns"]
     want = table["x"][-1]
     page.evaluate("t => window.imuscopeReplay.seek(t)", t)
     read = """() => {
@@ -193,10 +193,12 @@ def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
     until(page, "document.querySelector('.plot .legend .series-value').textContent.match(/^Δ [−0-9.]+$/) !== null")
     mean = "[...document.querySelectorAll('.values-table td.num')].slice(0, 12).map(cell => cell.textContent)"
     until(page, f"{mean}.every(text => /[0-9]/.test(text))")
-    [info, *_] = recorded.ask("GET", "/api/recordings")
-    detail = recorded.ask("GET", f"/api/recordings/{info['id']}")
+    [info, *_] = recorded.request("GET", "/api/recordings")
+    detail = recorded.request("GET", f"/api/recordings/{info['id']}")
     channel = next(one for one in detail["channels"] if one["device"] == "1" and one["name"] == "Acceleration")
-    columns = recorded.ask("GET", f"/api/recordings/{info['id']}/query?channel={channel['id']}&format=json")["columns"]
+    columns = recorded.request("GET", f"/api/recordings/{info['id']}/query?channel={channel['id']}&format=json")[
+        "columns"
+    ]
     x, z = (sum(columns[axis]) / len(columns[axis]) for axis in "xz")
     shown = [float(text.replace("−", "-")) for text in page.evaluate(mean)]
     assert shown[1] == pytest.approx(x, abs=0.01)
@@ -242,7 +244,7 @@ def export_the_view(recorded: ServerProcess, page: Page) -> None:
     page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 2); }")
     for _ in range(5):
         page.keyboard.press("+")
-    seen = view_of(page)
+    observed = view_of(page)
     page.get_by_role("button", name="Export").click()
     page.get_by_role("button", name="In view").click()
     page.locator("dialog .start-export").click()
@@ -251,7 +253,7 @@ def export_the_view(recorded: ServerProcess, page: Page) -> None:
     data = Path(coming.value.path()).read_bytes()
     tables = csv_tables(data)
     name, rows = next((name, rows) for name, rows in tables.items() if any("Acceleration" in cell for cell in rows[0]))
-    assert abs(len(rows) - 1 - 400 * seen["span"]) < 0.1 * 400 * seen["span"] + 5, name
+    assert abs(len(rows) - 1 - 400 * observed["span"]) < 0.1 * 400 * observed["span"] + 5, name
 
 
 def csv_tables(data: bytes) -> dict[str, list[list[str]]]:
@@ -267,9 +269,9 @@ def play_as_a_device(recorded: ServerProcess, page: Page) -> None:
     until(page, "!location.hash.includes('recordings') && window.imuscope.store.devices.value.length > 1")
     until(page, READY)
     page.context.close()  # it may still be requesting the previous range
-    for one in recorded.ask("GET", "/api/devices"):
+    for one in recorded.request("GET", "/api/devices"):
         if not one["parent"] and one["source"] != SILENT:
-            recorded.ask("DELETE", f"/api/devices/{one['id']}")
+            recorded.request("DELETE", f"/api/devices/{one['id']}")
 
 
 def test_files_are_downloaded_added_refused_and_renamed(
@@ -298,13 +300,13 @@ def test_files_are_downloaded_added_refused_and_renamed(
     field.fill("battery pulled")
     field.press("Enter")
     until(page, "document.querySelector('.recording-list').innerText.includes('battery pulled')")
-    assert any(one["file"] == "battery pulled.mcap" for one in recorded.ask("GET", "/api/recordings"))
+    assert any(one["file"] == "battery pulled.mcap" for one in recorded.request("GET", "/api/recordings"))
     page.evaluate("location.hash = '#/recordings/battery%20pulled'")
     until(page, DRAWN)
     until(page, "document.querySelector('.band.warning')?.innerText.includes('torn off')")
     page.context.close()  # before it would miss what is deleted
     for name in ("battery%20pulled", "other"):
-        recorded.ask("DELETE", f"/api/recordings/{name}")
+        recorded.request("DELETE", f"/api/recordings/{name}")
 
 
 def download_the_whole(page: Page) -> bytes:

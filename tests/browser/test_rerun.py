@@ -68,7 +68,7 @@ def nose(pixels: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray((r > 110) & (r - b > 70) & (r > g) & (g > b))
 
 
-def seen(page: Page) -> NDArray[Any]:
+def pixels_of(page: Page) -> NDArray[Any]:
     """The first picture with a body in it. A busy machine opens the recording first, which takes its time."""
     pixels = [picture(page)]
 
@@ -94,7 +94,7 @@ def test_a_recording_opens_in_the_viewer(running: ServerProcess, open_page: Call
     chatter: list[str] = []  # of the viewer, a line or more for every frame
     page.on("console", lambda message: chatter.append(message.text) if message.type == "debug" else None)
     until(page, "document.getElementById('words').textContent === ''")
-    seen(page)
+    pixels_of(page)
     page.screenshot(path=str(ARTIFACTS / "rerun-recording.png"), timeout=1000 * PATIENCE_S)
     assert page.evaluate("fetch('https://tile.openstreetmap.org/3/4/2.png').then(answer => answer.status)") == 204
     assert page.locator("#foot").is_hidden(), "all of it is shown: there is nothing to tell"
@@ -104,9 +104,9 @@ def test_a_recording_opens_in_the_viewer(running: ServerProcess, open_page: Call
 @pytest.mark.slow  # tests/server/extensions/rerun/test_rrd.py reads the attitude from the viewer's input
 def test_the_body_turns(running: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
-    first = seen(page)
+    first = pixels_of(page)
     page.goto(f"{running.url}/rerun/?recording=turned&theme=light")
-    second = seen(page)
+    second = pixels_of(page)
     moved = nose(first) != nose(second)
     assert moved.sum() > 30, "both attitudes look the same"
 
@@ -119,8 +119,8 @@ def test_a_long_recording_reports_the_shown_part(running: ServerProcess, open_pa
     page.route("**/re_viewer_bg.wasm", lambda route: None)
 
     def amount(route: Route) -> None:
-        told = limit_for([3_600_000] * 7, "all=true" in route.request.url)
-        route.fulfill(json={**asdict(told), "whole_s": 142.9})
+        report = limit_for([3_600_000] * 7, "all=true" in route.request.url)
+        route.fulfill(json={**asdict(report), "whole_s": 142.9})
 
     page.route("**/amount?*", amount)
     page.route("**/api/map", lambda route: route.fulfill(json={"tiles": True, "attribution": "© Someone"}))
@@ -144,7 +144,7 @@ def test_a_long_recording_reports_the_shown_part(running: ServerProcess, open_pa
 def test_live_data_is_shown_with_its_lag(data: Path, open_page: Callable[..., Page]) -> None:
     with ServerProcess("sim:xbus", data=data) as server:
         page = open_page(f"{server.url}/rerun/?live&theme=dark", width=900, height=600)
-        seen(page)
+        pixels_of(page)
         until(page, "/\\d+ ms behind/.test(document.getElementById('lag').textContent)")
         page.screenshot(path=str(ARTIFACTS / "rerun-live.png"), timeout=1000 * PATIENCE_S)
         page.context.close()

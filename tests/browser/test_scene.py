@@ -63,9 +63,9 @@ def lid(picture: NDArray[np.int16]) -> NDArray[np.bool_]:
     return (red > 225) & (green > 205) & (blue < 190)
 
 
-def centre(seen: NDArray[np.bool_]) -> NDArray[np.float64]:
-    assert seen.sum() > 30, "the lid of the body is not on screen"
-    return np.argwhere(seen).mean(axis=0)
+def centre(observed: NDArray[np.bool_]) -> NDArray[np.float64]:
+    assert observed.sum() > 30, "the lid of the body is not on screen"
+    return np.argwhere(observed).mean(axis=0)
 
 
 def quaternions(yaw: float) -> bytes:
@@ -114,15 +114,15 @@ def line() -> Iterator[PathLine]:
 
 def settled(page: Page) -> NDArray[np.int16]:
     """The scene once two pictures of it, some frames apart, are the same."""
-    seen = [pixels(page)]
+    records = [pixels(page)]
 
     def is_still() -> bool:
         page.evaluate("async () => { for (let n = 0; n < 4; n++) await new Promise(requestAnimationFrame); }")
-        seen.append(pixels(page))
-        return bool(lid(seen[-1]).sum() > 30 and (np.abs(seen[-1] - seen[-2]).max(axis=2) > 24).mean() < 1e-3)
+        records.append(pixels(page))
+        return bool(lid(records[-1]).sum() > 30 and (np.abs(records[-1] - records[-2]).max(axis=2) > 24).mean() < 1e-3)
 
     block_until(is_still, "a scene at rest")
-    return seen[-1]
+    return records[-1]
 
 
 @pytest.mark.slow  # tests/server/extensions/viser/test_viser.py turns a device and reads the scene's messages

@@ -16,7 +16,7 @@ from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
 from tests.browser.page_checks import drawn, go_to, opened, press
-from tests.fault_injection.busy_page import ListeningDevice, heard_by
+from tests.fault_injection.busy_page import ListeningDevice, received_by
 from tests.support.chromium import until
 from tests.support.server_process import ServerProcess
 
@@ -95,12 +95,12 @@ def test_no_key_of_a_page_that_did_not_write_reaches_the_device(
         # as fast as these come, a marker may be for a recording that has just ended, which the console would report
         page.route("**/api/recordings/mark", lambda route: route.fulfill(json={}))
         keys = documented_keys(page)
-        server.ask("POST", "/api/alarms", {"name": "Gravity", "condition": GRAVITY})
+        server.request("POST", "/api/alarms", {"name": "Gravity", "condition": GRAVITY})
         until(page, "document.querySelector('.alarm-row .tag') !== null")
         new = {"LocationID": {"location_id": 7}}
-        server.ask("POST", "/api/devices/1/apply", {"changes": new, "confirmed": True, "confirm_s": 600.0})
+        server.request("POST", "/api/devices/1/apply", {"changes": new, "confirmed": True, "confirm_s": 600.0})
         until(page, "document.querySelector('.pending-rollback b')?.textContent > 0")
-        heard = heard_by(device)
+        received = received_by(device)
         states: dict[str, tuple[str, dict[str, object]]] = {
             "countdown": (DEVICES, {}),
             "not confirmed": (DEVICES, {"unconfirmed_since": 1.8e9}),
@@ -111,4 +111,4 @@ def test_no_key_of_a_page_that_did_not_write_reaches_the_device(
             page.evaluate(script, change)
             for place in ("#/", "#/configure/1", "#/configure/1/compare/~factory"):
                 pressed_everywhere(page, keys, place)
-                assert (state, place, changes, heard_by(device)[len(heard) :]) == (state, place, [], b"")
+                assert (state, place, changes, received_by(device)[len(received) :]) == (state, place, [], b"")

@@ -60,15 +60,16 @@ FOREIGN = re.compile(r"#D scene|Rerun|ASIDE \| Settings \| SELECT")
 def walked(page: Page, place: str, note: Callable[[str], Any]) -> int:
     """Press everything that a place offers, and what comes to be offered by that; how much it was."""
     pressed: set[str] = set()
-    seen: set[str] = set()
+    visited: set[str] = set()
     go_to(page, place)
     until(page, "document.querySelector('.app:not([aria-busy])') !== null")
     while True:
         offered = [name for name in page.evaluate(CONTROLS) if not FOREIGN.search(name)]
         left = sorted(
-            (name for name in offered if name not in pressed), key=lambda name: (bool(LAST.search(name)), name in seen)
+            (name for name in offered if name not in pressed),
+            key=lambda name: (bool(LAST.search(name)), name in visited),
         )
-        seen.update(offered)
+        visited.update(offered)
         if not left:
             if not page.evaluate("document.querySelector('dialog[open]') !== null"):
                 return len(pressed)
@@ -90,11 +91,11 @@ def test_nothing_is_offered_that_the_server_would_refuse(
     settings = tmp_path / "imuscope.toml"
     settings.write_text(f'view_token = "{VIEW}"\n')
     server = serve("sim:xbus?product=MTi-680G", arguments=("--config", str(settings)))
-    block_until(lambda: server.ask("GET", "/api/devices")[0]["status"] == "live", "the device sends")
-    server.ask("POST", "/api/devices/1/read", {})
-    recording = server.ask("POST", "/api/recordings/start", {})["id"]
-    block_until(lambda: server.ask("GET", "/api/devices/1/values")["info"]["taken"], "its settings are read")
-    server.ask("POST", "/api/recordings/stop", {})
+    block_until(lambda: server.request("GET", "/api/devices")[0]["status"] == "live", "the device sends")
+    server.request("POST", "/api/devices/1/read", {})
+    recording = server.request("POST", "/api/recordings/start", {})["id"]
+    block_until(lambda: server.request("GET", "/api/devices/1/values")["info"]["taken"], "its settings are read")
+    server.request("POST", "/api/recordings/stop", {})
     now, refused = [""], []
 
     def note(response: Response) -> None:

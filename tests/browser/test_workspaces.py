@@ -30,7 +30,7 @@ def save(page: Page, name: str) -> None:
     click(page, "button", "Save as new", f"{SHEET}.innerText.includes('{name} is saved.')")
 
 
-def follow_link(page: Page, wanted: str) -> None:
+def follow_link(page: Page, expected: str) -> None:
     """Time range, both cursors and the workspace go into a link in one action; it shows the arrangement."""
     page.keyboard.press("Escape")
     page.keyboard.press(" ")
@@ -41,7 +41,7 @@ def follow_link(page: Page, wanted: str) -> None:
     link = page.evaluate("location.href")
     assert all(f"{name}=" in link for name in ("t0", "t1", "cursor", "measure", "workspace"))
     reload(page)
-    until(page, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
+    until(page, f"{PANELS} + ' | ' + {WIDTH} === '{expected}'")
 
 
 def save_both(page: Page, other: Page) -> None:
@@ -68,7 +68,7 @@ def test_a_workspace_is_stored_chosen_and_shared(
     page.get_by_label("Place of Values").select_option("hidden")
     page.get_by_role("separator", name="Width of the side column").press("Shift+ArrowLeft")
     until(page, f"{PANELS} === 'attitude plots events health alarms' && {WIDTH} === 346")
-    wanted = layout(page)
+    expected = layout(page)
     save(page, "Bench 3")
     condition = {"kind": "expression", "expression": "norm(Acceleration) > 3 g"}
     added = page.request.post(f"{server.url}/api/alarms", data={"name": "Hard knock", "condition": condition})
@@ -86,16 +86,16 @@ def test_a_workspace_is_stored_chosen_and_shared(
     until(
         page, f"{SHEET}.innerText.includes('Pages without a layout') && {SHEET}.querySelector('input:checked') !== null"
     )
-    follow_link(page, wanted)
+    follow_link(page, expected)
 
     other = opened(server, open_page, DESKTOP)
-    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")  # the default of the family
+    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{expected}'")  # the default of the family
     save_both(page, other)
 
     # a file brings back what was exported, alarms too; one that is none changes nothing
     other.get_by_text("Export, import, default").click()
     other.locator(".stored input[type=file]").set_input_files(file)
-    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{wanted}'")
+    until(other, f"{PANELS} + ' | ' + {WIDTH} === '{expected}'")
     until(other, f"{SHEET}.innerText.includes('1 alarm that this server does not have: Hard knock.')")
     other.get_by_role("button", name="Add 1 alarm").click()
     until(other, f"{SHEET}.innerText.includes('1 alarm added: Hard knock.')")
@@ -105,4 +105,4 @@ def test_a_workspace_is_stored_chosen_and_shared(
         {"name": "x.json", "mimeType": "application/json", "buffer": b"{"}
     )
     until(other, f"{SHEET}.innerText.includes('This is not a workspace of imuscope')")
-    assert layout(other) == wanted
+    assert layout(other) == expected

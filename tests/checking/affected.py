@@ -57,17 +57,17 @@ def affected_tests(changed: Iterable[str], seconds: float) -> Affected:
             if imported in importers:
                 importers[imported].add(name)
     reached = [name for path in changed if (name := _module(ROOT / path)) in modules]
-    found: list[str] = []
-    seen = set(reached)
+    results: list[str] = []
+    visited = set(reached)
     while reached:
-        found += sorted(name for name in reached if _is_test(modules[name]))
+        results += sorted(name for name in reached if _is_test(modules[name]))
         nearer, reached = reached, []
         for name in nearer:
-            reached += sorted(importers[name] - seen)
-            seen |= importers[name]
+            reached += sorted(importers[name] - visited)
+            visited |= importers[name]
     timed = durations()
     files: list[str] = []
-    paths = [path for name in found if (path := str(modules[name].relative_to(ROOT))) not in RULES]
+    paths = [path for name in results if (path := str(modules[name].relative_to(ROOT))) not in RULES]
     for path in paths:
         seconds -= timed.get(path, UNKNOWN_S)
         if seconds < 0 and files:
@@ -80,20 +80,20 @@ def imports_of(path: Path) -> set[str]:
     """Names of modules that a file may import, wherever in it; of `from a import b` both `a` and `a.b`; of our
     own without `imuscope.`, as their folders.
     """
-    found = set()
+    results = set()
     for of, names in _IMPORT.findall(text_of(path)):
         parts = re.findall(r"([\w.]+)(?:\s+as\s+\w+)?", names)
-        found |= {of, *(f"{of}.{name}" for name in parts)} if of else set(parts)
-    return {name.removeprefix(f"{PACKAGE}.") for name in found}
+        results |= {of, *(f"{of}.{name}" for name in parts)} if of else set(parts)
+    return {name.removeprefix(f"{PACKAGE}.") for name in results}
 
 
 def durations() -> dict[str, float]:
     """Seconds of each file of tests in the last run that was timed."""
     try:
-        found = json.loads((cache_folder("durations") / "durations.json").read_text())
+        document = json.loads((cache_folder("durations") / "durations.json").read_text())
     except (OSError, ValueError):
         return {}
-    return {str(name): float(seconds) for name, seconds in found.items()}
+    return {str(name): float(seconds) for name, seconds in document.items()}
 
 
 def note_durations(seconds: dict[str, float]) -> None:

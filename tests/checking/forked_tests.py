@@ -139,11 +139,11 @@ class ForkedTests:
         others = [worker for worker in self._workers if worker is not leaving]
         browsers = sum(_needs_browser(worker.following or worker.group) for worker in others)
         has_browser = _needs_browser(leaving.group) if leaving else browsers == 0
-        for wanted in (has_browser, not has_browser):
-            if wanted and browsers >= BROWSERS:
+        for expected in (has_browser, not has_browser):
+            if expected and browsers >= BROWSERS:
                 continue
             for at, group in enumerate(self._groups):
-                if _needs_browser(group) is wanted:
+                if _needs_browser(group) is expected:
                     return self._groups.pop(at)
         return []
 
@@ -151,12 +151,12 @@ class ForkedTests:
         for line in wait([worker.line for worker in self._workers]):
             [worker] = [one for one in self._workers if one.line is line]
             try:
-                kind, told = worker.line.recv()
+                kind, report = worker.line.recv()
             except (EOFError, ConnectionError):
                 self._end(session, worker)
                 continue
             if kind == "report":
-                self._report(session, worker, told)
+                self._report(session, worker, report)
             elif kind == "ended":
                 worker.group.pop(0)
                 if not worker.group:
@@ -165,11 +165,11 @@ class ForkedTests:
                 worker.following = self._take(leaving=worker)
                 worker.line.send([session.items.index(item) for item in worker.following])
             else:
-                raise RuntimeError(f"{worker.name} failed outside of a test:\n{told}")
+                raise RuntimeError(f"{worker.name} failed outside of a test:\n{report}")
 
-    def _report(self, session: pytest.Session, worker: _Worker, told: dict[str, Any]) -> None:
+    def _report(self, session: pytest.Session, worker: _Worker, notice: dict[str, Any]) -> None:
         config = session.config
-        report = config.hook.pytest_report_from_serializable(config=config, data=told)
+        report = config.hook.pytest_report_from_serializable(config=config, data=notice)
         # as pytest's terminal asks where a test ran
         report.node = SimpleNamespace(gateway=SimpleNamespace(id=worker.name), _workerinfocache=f"[{worker.name}]")
         config.hook.pytest_runtest_logreport(report=report)

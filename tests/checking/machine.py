@@ -65,8 +65,8 @@ def memory_of(pid: int) -> int:
 
 def processes_below(pid: int) -> list[Running]:
     """All processes begun by `pid`, the busiest first."""
-    found = [Running(one, name_of(one), processor_seconds(one), memory_of(one)) for one in descendants(pid)]
-    return sorted(found, key=lambda one: -one.seconds)
+    results = [Running(one, name_of(one), processor_seconds(one), memory_of(one)) for one in descendants(pid)]
+    return sorted(results, key=lambda one: -one.seconds)
 
 
 def check_process() -> int:
@@ -84,13 +84,13 @@ def state() -> str:
         memory = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
         total, free = (int(memory[name].split()[0]) / 1e6 for name in ("MemTotal", "MemAvailable"))
         lines.append(f"memory {free:.1f} GB available of {total:.1f} GB")
-    found = processes_below(check_process())
-    if found:
-        used = sum(one.memory for one in found) / MB
-        lines.append(f"{len(found)} processes of the check, {used:.0f} MB; the busiest:")
+    results = processes_below(check_process())
+    if results:
+        used = sum(one.memory for one in results) / MB
+        lines.append(f"{len(results)} processes of the check, {used:.0f} MB; the busiest:")
         lines += [
             f"  {one.name:16} process {one.pid:7}  {one.seconds:7.1f} s  {one.memory / MB:5.0f} MB"
-            for one in found[:MOST_SHOWN]
+            for one in results[:MOST_SHOWN]
         ]
     return "\n".join(lines)
 

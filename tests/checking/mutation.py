@@ -181,25 +181,25 @@ def main() -> int:
     parser.add_argument("--lines", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--against", type=Path, help="another tree, whose tests run with the same mistakes")
-    given = parser.parse_args()
-    mistakes = chosen(given.lines, given.seed, given.folders, given.against)
+    options = parser.parse_args()
+    mistakes = chosen(options.lines, options.seed, options.folders, options.against)
     caught, left_out = [0, 0], 0
     with tempfile.TemporaryDirectory() as folder:
-        roots = [ROOT, *([given.against.resolve()] if given.against else [])]
+        roots = [ROOT, *([options.against.resolve()] if options.against else [])]
         trees = [Tree(root, Path(folder) / str(number)) for number, root in enumerate(roots)]
         for number, mistake in enumerate(mistakes, 1):
             near = affected_tests([mistake.path], 10 * TESTS_S).files
             tests = [name for name in near if name.startswith(PLACES)][:NEAREST]
             try:
-                found = [tree.catches(mistake, tests) for tree in trees]
+                results = [tree.catches(mistake, tests) for tree in trees]
             except RuntimeError as error:
                 print(f"left out: {mistake.path}:{mistake.line}: {error}", flush=True)
                 left_out += 1
                 continue
-            caught = [count + one for count, one in zip(caught, [*found, False], strict=False)]
+            caught = [count + one for count, one in zip(caught, [*results, False], strict=False)]
             figures = " · ".join(f"{count} of {number - left_out}" for count in caught[: len(trees)])
-            if not all(found):
-                words = " and ".join("here" if at == 0 else "there" for at, one in enumerate(found) if not one)
+            if not all(results):
+                words = " and ".join("here" if at == 0 else "there" for at, one in enumerate(results) if not one)
                 print(f"not caught {words}: {mistake.path}:{mistake.line}  {mistake.before}  →  {mistake.after}")
             print(f"caught {figures}", flush=True)
     return 0

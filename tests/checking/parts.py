@@ -55,8 +55,8 @@ def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     title = f"\n── {part.name} {'─' * (76 - len(part.name))}\n"
     is_wide = part.lane == "wide"
     held: list[str] = []
-    say = (lambda text: print(text, end="", flush=True)) if is_wide else held.append
-    say(title)
+    send = (lambda text: print(text, end="", flush=True)) if is_wide else held.append
+    send(title)
     began = time.monotonic()
     lines: list[str] = []
     process = subprocess.Popen(
@@ -75,7 +75,7 @@ def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     while data := os.read(process.stdout.fileno(), 1 << 16):  # not by lines: a test prints a dot
         watch.printed()
         text = decoder.decode(data)
-        say(text)
+        send(text)
         *whole, rest = (rest + text).split("\n")
         lines += [line.strip() for line in whole if line.strip()]
     lines += [rest.strip()] if rest.strip() else []
@@ -84,13 +84,13 @@ def run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     process.returncode = os.waitstatus_to_exitcode(waited)
     if watch.end():
         lines.append(f"nothing printed for {SILENT_S:.0f} s: ended; above is what each test was doing")
-        say(f"{lines[-1]}\n")
+        send(f"{lines[-1]}\n")
     if not is_wide:
         shown = "".join(held) if process.returncode or not lines else f"{title}{lines[-1]}\n"
         print(shown, end="", flush=True)
     closing = [line for line in lines if re.match(part.closing, line)] or lines
     closing = closing or [f"exit status {process.returncode}" if process.returncode else "no complaint"]
-    failed = tuple(found[2] for line in lines if (found := re.match(r"(FAILED|ERROR) (\S.*?)(?: - .*)?$", line)))
+    failed = tuple(hit[2] for line in lines if (hit := re.match(r"(FAILED|ERROR) (\S.*?)(?: - .*)?$", line)))
     seconds, processor = time.monotonic() - began, usage.ru_utime + usage.ru_stime
     end = tuple(lines[-LAST_LINES:]) if process.returncode and not is_wide else ()
     return Outcome(part.name, process.returncode, seconds, processor, closing[-1], failed if is_wide else (), end)

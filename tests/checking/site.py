@@ -69,7 +69,7 @@ def main() -> int:
     if status:
         return status
     pages = sorted(SITE.rglob("*.html"))
-    fetched = {found[0].decode() for page in pages for found in ELSEWHERE.finditer(page.read_bytes())}
+    fetched = {match[0].decode() for page in pages for match in ELSEWHERE.finditer(page.read_bytes())}
     for text in sorted(fetched):
         print(f"fetched from elsewhere: {text}")
     if not fetched:
@@ -129,8 +129,8 @@ def on_page_markdown(text: str, page: Any, **_: Any) -> str:
     text = re.sub(r"^```(\w+) [\w-]+$", r"```\1", text, flags=re.MULTILINE)
     at = ROOT / (page.file.src_uri if page.file.src_uri in TOP else f"{DOCS}/{page.file.src_uri}")
 
-    def link(found: re.Match[str]) -> str:
-        words, name, anchor = found[1], found[2], found[3] or ""
+    def link(results: re.Match[str]) -> str:
+        words, name, anchor = results[1], results[2], results[3] or ""
         target = (at.parent / name).resolve()
         if not target.exists():
             log.warning("%s links to %s, which does not exist", at.relative_to(ROOT), name)

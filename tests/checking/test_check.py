@@ -49,7 +49,7 @@ def test_a_test_that_fails_once_and_passes_alone_has_failed(tmp_path: Path, caps
     assert "alone: 1 passed" in capsys.readouterr().out
 
 
-def test_a_failure_says_what_to_run_again(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failure_states_what_to_run_again(capsys: pytest.CaptureFixture[str]) -> None:
     check.report([parts.Outcome("pytest", 1, 2.0, 3.0, "1 failed", ("tests/test_x.py::test_y[a b]",))], 10**9)
     printed = capsys.readouterr().out
     assert "-m pytest 'tests/test_x.py::test_y[a b]'\n" in printed
@@ -190,12 +190,12 @@ def test_every_part_of_the_quick_check_exists() -> None:
 
 def test_a_part_that_prints_dots_is_not_silent(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run of few tests prints no whole line for minutes."""
-    seen: list[str] = []
+    records: list[str] = []
     read, written = os.pipe()
     dots = f"import os\nos.write(1, b'.')\nos.read({read}, 1)\nos.write(1, b'. 2 passed')"
 
     def go_on(watch: object) -> None:
-        seen.append("printed")
+        records.append("printed")
         os.write(written, b"x")  # only what was passed on without a line's end lets it go on
 
     monkeypatch.setattr(parts._SilenceWatch, "printed", go_on)
@@ -203,6 +203,6 @@ def test_a_part_that_prints_dots_is_not_silent(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(parts, "INHERITED", (read,))
     outcome = parts.run(python(dots), [sys.executable, "-c", dots], {})
     assert outcome.closing == ".. 2 passed"
-    assert seen
+    assert records
     for descriptor in (read, written):
         os.close(descriptor)

@@ -62,7 +62,7 @@ def test_a_test_that_ends_its_process_is_named_and_the_others_run(tmp_path: Path
     assert "E       assert 1 == 2" in printed
 
 
-def test_the_first_failure_ends_all_workers_when_asked(tmp_path: Path) -> None:
+def test_the_first_failure_ends_all_workers_on_request(tmp_path: Path) -> None:
     (tmp_path / "test_fails.py").write_text("def test_fails():\n    assert False\n")
     (tmp_path / "test_waits.py").write_text("import signal\n\ndef test_waits():\n    signal.pause()\n")
     assert "1 failed" in run(tmp_path, "--workers", "2", "-x")
@@ -87,10 +87,10 @@ def test_one_worker_keeps_a_browser_and_two_have_one_at_the_end() -> None:
         workers.append(forked_tests._Worker(f"worker{number}", 0, Pipe()[0], tests._take()))
         tests._workers = list(workers)
     assert [worker.group[0].name for worker in workers] == ["browser 1", "plain 1", "plain 2"]
-    taken = []
+    batches = []
     for number in (0, 1, 2, 1, 0):
         worker = workers[number]
         worker.group = tests._take(worker) or worker.group
-        taken.append(worker.group[0].name)
-    assert taken == ["browser 2", "plain 3", "browser 3", "plain 3", "browser 4"]
+        batches.append(worker.group[0].name)
+    assert batches == ["browser 2", "plain 3", "browser 3", "plain 3", "browser 4"]
     assert tests._take(workers[2]) == []

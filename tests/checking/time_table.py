@@ -11,7 +11,7 @@ from pathlib import Path
 from tests.support.source_files import ROOT
 
 BEGIN, END = "<!-- time table: tests/check.py --profile -->", "<!-- end of the time table -->"
-LONGEST = 8  # files of tests that are named
+MAX_FILES = 8  # files of tests that are named
 PAGE = ROOT / "CONTRIBUTING.md"
 
 
@@ -55,14 +55,14 @@ class Profile:
 
     @classmethod
     def read(cls, folder: Path) -> Profile:
-        found = cls()
+        result = cls()
         for path in sorted(folder.glob("*.jsonl")):
             for line in map(json.loads, path.read_text().splitlines()):
                 if line.get("start"):
-                    found.starts.append(line["own"] + line["begun"] + line["browser"])
+                    result.starts.append(line["own"] + line["begun"] + line["browser"])
                 else:
-                    found.files[line["test"].split("::")[0]].add(line)
-        return found
+                    result.files[line["test"].split("::")[0]].add(line)
+        return result
 
     def folders(self) -> dict[str, Spent]:
         """Sums by folder of tests/, and by extension, the most processor time first."""
@@ -110,7 +110,7 @@ def table(parts: Sequence[PartTime], profile: Profile, *, passed: float, memory:
         "",
         "| file | tests | set-up | call | tear-down | waiting | processor: pytest | begun by it | Chromium |",
         "|---|---|---|---|---|---|---|---|---|",
-        *(_row(name, one) for name, one in sorted(profile.files.items(), key=lambda i: -i[1].processor)[:LONGEST]),
+        *(_row(name, one) for name, one in sorted(profile.files.items(), key=lambda i: -i[1].processor)[:MAX_FILES]),
     ]
     return "\n".join(lines)
 

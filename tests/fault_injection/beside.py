@@ -41,7 +41,7 @@ class Beside:
         self._address = there.place.url.removeprefix("http://")
         self._pid = there.pid
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._ask)
+        self._thread = threading.Thread(target=self._request)
         self.answers = 0
         self.failed = ""
         self.most_s = 0.0
@@ -51,14 +51,14 @@ class Beside:
         enough = self.answers + ANSWERS
         return lambda: self.answers >= enough or bool(self.failed)
 
-    def _ask(self) -> None:
+    def _request(self) -> None:
         try:
             while not self._stop.is_set():
                 before_s = seconds_of(self._pid)
-                asking = http.client.HTTPConnection(self._address, timeout=PATIENCE_S)
-                asking.request("GET", "/healthz")
-                status = asking.getresponse().status
-                asking.close()
+                requesting = http.client.HTTPConnection(self._address, timeout=PATIENCE_S)
+                requesting.request("GET", "/healthz")
+                status = requesting.getresponse().status
+                requesting.close()
                 assert status == 200, status
                 self.most_s = max(self.most_s, seconds_of(self._pid) - before_s)
                 self.answers += 1
@@ -103,10 +103,10 @@ def watched(folder: Path) -> Iterator[Watched]:
     (folder / "recordings").mkdir()
     recording(folder / "recordings" / f"{RECORDING}.mcap", frames(0, FRAMES))
     with TcpDevice(RATE) as line, ServerProcess(line.source, data=folder) as server:
-        with http_client(base_url=server.url) as asking:
-            block_until(lambda: asking.get("/api/devices").json()[0]["status"] == "live", "the device streams")
-            asking.post("/api/recordings/start", json={"devices": ["1"]}).raise_for_status()
-            name = block_until(lambda: asking.get("/api/recorder").json()["id"], "it is recorded")
+        with http_client(base_url=server.url) as requesting:
+            block_until(lambda: requesting.get("/api/devices").json()[0]["status"] == "live", "the device streams")
+            requesting.post("/api/recordings/start", json={"devices": ["1"]}).raise_for_status()
+            name = block_until(lambda: requesting.get("/api/recorder").json()["id"], "it is recorded")
         path = folder / "recordings" / f"{name}.mcap"
         first = block_until(lambda: chunks(path)[:1000], "there is something in it")
         yield Watched(

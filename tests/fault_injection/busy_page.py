@@ -16,17 +16,17 @@ from tests.support.timeouts import connect, http_client
 class ListeningDevice(XbusSimulator):
     """An MTi that keeps what it is sent."""
 
-    heard = b""
+    received = b""
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
-        self.heard += data
+        self.received += data
         return super().receive(data, now_ns)
 
 
-def heard_by(device: SimulatorThread) -> bytes:
+def received_by(device: SimulatorThread) -> bytes:
     """All that a ListeningDevice was sent."""
     assert isinstance(device.device, ListeningDevice)
-    return device.device.heard
+    return device.device.received
 
 
 def open_a_page(server: ServerProcess) -> None:

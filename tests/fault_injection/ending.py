@@ -46,8 +46,8 @@ def busy(server: ServerProcess, http: Client) -> Iterator[None]:
         url = server.url.replace("http", "ws")
         looker = stack.enter_context(connect(f"{url}/viser", subprotocols=[Subprotocol(subprotocol())], max_size=None))
         looker.send(msgspec.msgpack.encode(CAMERA))
-        asked = http.post("/api/recordings/long/exports", json={"format": "csv"})
-        assert asked.status_code == 202, asked.text
+        request = http.post("/api/recordings/long/exports", json={"format": "csv"})
+        assert request.status_code == 202, request.text
         block_until(lambda: http.get("/api/recordings/exports").json()[0]["state"] == "running", "it exports")
         yield
 
@@ -67,8 +67,8 @@ def browser(server: ServerProcess, *, stuck: bool) -> Iterator[ClientConnection]
 
 
 def children(pid: int) -> list[int]:
-    found = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return [int(one) for one in found]
+    results = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [int(one) for one in results]
 
 
 def end(data: Path) -> float:
@@ -92,9 +92,9 @@ def end(data: Path) -> float:
         sent = line.sent
     block_until(lambda: not any(is_running(pid) for pid in begun), "what it had begun is gone")
     (made,) = (path for path in folder.glob("*.mcap") if path.stem != "long")
-    with McapReader(made) as found:
-        list(found.blocks())
-        assert found.whole, "it was closed"
+    with McapReader(made) as reader:
+        list(reader.blocks())
+        assert reader.whole, "it was closed"
     assert sent.startswith(chunks(made))
     assert len(chunks(made)) > 10_000, f"of {len(sent)} bytes that were sent"
     tenancy = DataFolderLock(data)

@@ -31,15 +31,15 @@ class FaultHarness:
         self.sessions = Sessions(
             self.telemetry.bus, open_link, all_protocols(), LinkSettings(now_ns=now_ns, by_id=by_id)
         )
-        self.heard: list[bytes] = []
+        self.received: list[bytes] = []
         self.session: Session = self.sessions.add(source)
-        self.session.listeners.chunks(lambda came, way: self.heard.extend(one.data for one in came if way == "rx"))
+        self.session.listeners.chunks(lambda came, way: self.received.extend(one.data for one in came if way == "rx"))
         self.sessions.start()
 
     @property
     def bytes(self) -> bytes:
         """All received bytes."""
-        return b"".join(self.heard)
+        return b"".join(self.received)
 
     @property
     def info(self) -> DeviceInfo:
@@ -58,8 +58,8 @@ class FaultHarness:
     def events(self, kind: str) -> list[EventInfo]:
         return [event for event in self.telemetry.log if event.kind == kind]
 
-    def status(self, wanted: str) -> Callable[[], bool]:
-        return lambda: self.info.status == wanted
+    def status(self, expected: str) -> Callable[[], bool]:
+        return lambda: self.info.status == expected
 
 
 @asynccontextmanager
@@ -77,7 +77,7 @@ def frames(start: int, stop: int, rate: float = 1000.0) -> bytes:
     return b"".join(frame(n, rate) for n in range(start, stop))
 
 
-def told(info: DeviceInfo) -> tuple[str, str]:
+def notice_of(info: DeviceInfo) -> tuple[str, str]:
     """User-facing text: one sentence and a hint."""
     assert info.message.endswith((".", "?")), info.message
     assert info.hint, info.message

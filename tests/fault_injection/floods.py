@@ -130,8 +130,8 @@ def of_bytes(name: str) -> Flood:
     """A flood of these, over TCP and UDP at once."""
 
     def run(place: Place) -> None:
-        protocol, given = BYTES[name]
-        piece = given if isinstance(given, bytes) else given()
+        protocol, source = BYTES[name]
+        piece = source if isinstance(source, bytes) else source()
         data = (piece * (PIECE // len(piece) + 1))[:PIECE]
         with sources(place, protocol) as (tcp, udp):
             place.begin()
@@ -177,9 +177,9 @@ def sources(place: Place, protocol: str) -> Iterator[tuple[tuple[str, int], tupl
 
 
 def _free(kind: socket.SocketKind) -> tuple[str, int]:
-    with socket.socket(socket.AF_INET, kind) as found:
-        found.bind(("127.0.0.1", 0))
-        address: tuple[str, int] = found.getsockname()
+    with socket.socket(socket.AF_INET, kind) as result:
+        result.bind(("127.0.0.1", 0))
+        address: tuple[str, int] = result.getsockname()
         return address
 
 
@@ -262,7 +262,7 @@ def websocket_requests(place: Place) -> None:
 def websocket_pieces(place: Place) -> None:
     """Messages of endless empty pieces, and pings."""
     host, port = place.address
-    asked = (
+    request = (
         f"GET /ws HTTP/1.1\r\nHost: {host}:{port}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
         f"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n"
         f"Sec-WebSocket-Protocol: {wire.SUBPROTOCOL}\r\n\r\n"
@@ -272,7 +272,7 @@ def websocket_pieces(place: Place) -> None:
     while not place.over:
         for data in (piece, ping):
             with contextlib.suppress(OSError), place.connected() as browser:
-                browser.sendall(asked.encode())
+                browser.sendall(request.encode())
                 browser.recv(4096)
                 browser.sendall(begun + data * 5000)
 
@@ -284,7 +284,7 @@ def websocket_pieces(place: Place) -> None:
 def requests(place: Place) -> None:
     """One after the other on many connections, as fast as they are taken; answers are thrown away."""
     place.begin()
-    asked = b"GET /api/devices HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50
+    request = b"GET /api/devices HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50
     with contextlib.ExitStack() as held:
         streams = [held.enter_context(place.connected()) for _ in range(20)]
         for stream in streams:
@@ -293,7 +293,7 @@ def requests(place: Place) -> None:
             for number, stream in enumerate(streams):
                 try:
                     with contextlib.suppress(BlockingIOError):
-                        stream.send(asked)
+                        stream.send(request)
                     with contextlib.suppress(BlockingIOError):
                         while stream.recv(1 << 20):
                             pass

@@ -19,6 +19,6 @@ def recording(path: Path, frames_: bytes, size: int = 2000) -> None:
 
 def hidden(folder: Path) -> list[str]:
     """Unfinished files, and files that resemble them."""
-    found = [Path(place, name) for place, folders, files in os.walk(folder) for name in (*folders, *files)]
-    names = [path for path in found if path.name.endswith((".making", ".packing", ".export"))]
+    results = [Path(place, name) for place, folders, files in os.walk(folder) for name in (*folders, *files)]
+    names = [path for path in results if path.name.endswith((".making", ".packing", ".export"))]
     return [str(path.relative_to(folder)) for path in (*names, *(folder / "exports").glob("*"))]

@@ -69,8 +69,8 @@ def test_this_hosts_clock_is_set(by_s: int, words: str, tmp_path: Path) -> None:
             send(running, links, "/dev/one", sample(n))
             if n == 50:
                 running.call(setattr, sessions, "_wall_ns", lambda: wall() + by_s * 10**9)
-        told = block_until(lambda: running.call(events, running.services.telemetry, "clock"), "it is told")
-        assert [event.text for event in told] == [
+        report = block_until(lambda: running.call(events, running.services.telemetry, "clock"), "it is told")
+        assert [event.text for event in report] == [
             f"This host's clock was set {words}; times on this page stay as they were."
         ]
         settled(running)

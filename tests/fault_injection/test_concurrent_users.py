@@ -86,7 +86,9 @@ def test_two_users_at_once(tmp_path: Path) -> None:
             person.start()
         for person in people:
             person.join()
-        done = block_until(lambda: len(found := http.get("/api/devices/1/jobs").json()["done"]) == 2 and found, "both")
+        done = block_until(
+            lambda: len(result := http.get("/api/devices/1/jobs").json()["done"]) == 2 and result, "both"
+        )
         assert {one["id"] for one in done} == {one["id"] for one in answers} == {1, 2}
         assert [one["state"] for one in done] == ["done", "done"]
         last, first = done  # newest first

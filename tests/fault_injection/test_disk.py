@@ -119,19 +119,19 @@ def test_a_full_disk(tmp_path: Path) -> None:
 
 def test_a_file_size_limit(running: InProcessServer, links: FakeLinks, tmp_path: Path) -> None:
     running.client.post("/api/recordings/start", json={})
-    wanted = b""
+    expected = b""
     with files_of_at_most(20_000):
         for n in range(4000):
             send(running, links, "/dev/one", sample(n % 250))
-            wanted += sample(n % 250)
+            expected += sample(n % 250)
             if n % 200 == 0 and not running.client.get("/api/recorder").json()["running"]:
                 break
         state = ended(running)
     assert "largest size" in state["message"]
     assert state["hint"]
-    kept = chunks(tmp_path / "recordings" / f"{state['id']}.mcap")
-    assert wanted.startswith(kept)
-    assert len(kept) > 500
+    path = chunks(tmp_path / "recordings" / f"{state['id']}.mcap")
+    assert expected.startswith(path)
+    assert len(path) > 500
     assert running.client.post("/api/recordings/start", json={}).json()["running"] is True
 
 
@@ -166,9 +166,9 @@ def test_a_slow_disk(
 
     monkeypatch.setattr(os, "write", slowly(os.write))
     monkeypatch.setattr(os, "fdatasync", slowly(os.fdatasync))
-    wanted = b"".join(sample(n % 250) for n in range(600))
+    expected = b"".join(sample(n % 250) for n in range(600))
     for n in range(600):
-        send(running, links, "/dev/one", wanted[4 * n : 4 * n + 4])
+        send(running, links, "/dev/one", expected[4 * n : 4 * n + 4])
 
     def decoded() -> int:
         health = running.services.sessions.get("1").health(running.services.telemetry.bus.now())
@@ -181,7 +181,7 @@ def test_a_slow_disk(
     settled(running)
     state = running.client.post("/api/recordings/stop", json={}).json()
     assert state["message"] == ""
-    assert chunks(tmp_path / "recordings" / f"{state['id']}.mcap") == wanted
+    assert chunks(tmp_path / "recordings" / f"{state['id']}.mcap") == expected
 
 
 class Usage(NamedTuple):
@@ -229,8 +229,8 @@ def attempts(running: InProcessServer, monkeypatch: pytest.MonkeyPatch) -> Calla
     monkeypatch.setattr(StandingRecording, "_has_room", counted)
 
     def wait(more: int) -> None:
-        wanted = count + more
-        block_until(lambda: count >= wanted, "further attempts")
+        expected = count + more
+        block_until(lambda: count >= expected, "further attempts")
 
     return wait
 

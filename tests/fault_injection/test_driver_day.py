@@ -23,7 +23,7 @@ from imuscope.protocols.xbus.frames import build
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
-from tests.fault_injection.busy_page import ListeningDevice, heard_by, open_a_page, record
+from tests.fault_injection.busy_page import ListeningDevice, open_a_page, received_by, record
 from tests.server.extensions.shares.shared_port import opened
 from tests.support.free_ports import free_port
 from tests.support.server_process import ServerProcess
@@ -72,24 +72,24 @@ class BusyDriver(threading.Thread):
         self.connections += 1
 
     def _log(self) -> None:
-        wanted = self.samples + self._random.randrange(5, 30)
-        self._read(lambda events: self.samples >= wanted)
+        expected = self.samples + self._random.randrange(5, 30)
+        self._read(lambda events: self.samples >= expected)
 
     def _pause(self) -> None:
         self._stopped.wait(self._random.uniform(0.0, 0.1))  # the terminal keeps half a second
 
     def _configure(self) -> None:
-        self._ask(GO_TO_CONFIG, "GoToConfigAck")
+        self._send(GO_TO_CONFIG, "GoToConfigAck")
         self._pause()
         rate = self._random.choice((50, 100))
         outputs = [{"data_identifier": 0x1020, "output_frequency": 0xFFFF}]
         outputs += [{"data_identifier": one, "output_frequency": rate} for one in (0x2010, 0x4020)]
         frame = XbusDriver().frame("SetOutputConfiguration", {"outputs": outputs}, DeviceContext())
-        self._ask(frame, "SetOutputConfigurationAck")
-        self._ask(GO_TO_MEASUREMENT, "GoToMeasurementAck")
+        self._send(frame, "SetOutputConfigurationAck")
+        self._send(GO_TO_MEASUREMENT, "GoToMeasurementAck")
         self.configurations += 1
 
-    def _ask(self, frame: bytes, answer: str) -> None:
+    def _send(self, frame: bytes, answer: str) -> None:
         os.write(self._fd, frame)
         self.written += frame
         self._read(lambda events: any(isinstance(one, Reply) and one.message.name == answer for one in events))
@@ -135,7 +135,7 @@ def test_a_driver_alone_talks_to_its_device(
             if logger is None:
                 block_until(path.exists, "the share")
                 logger = socket.create_connection(("127.0.0.1", logging), PATIENCE_S)  # somebody is always there
-                before = len(heard_by(device))
+                before = len(received_by(device))
                 driver.start()
             since = driver.configurations, driver.connections
             for number in range(recordings // (kills + 1)):
@@ -147,13 +147,13 @@ def test_a_driver_alone_talks_to_its_device(
             server.process.wait(PATIENCE_S)
     assert logger is not None
     driver.stop()
-    block_until(lambda: len(heard_by(device)) - before >= len(driver.written), "the last frames are at the device")
+    block_until(lambda: len(received_by(device)) - before >= len(driver.written), "the last frames are at the device")
     logger.close()
     assert driver.faults == []
-    heard = heard_by(device)[before:]
-    pairs = enumerate(zip(heard, driver.written, strict=False))
-    same = next((at for at, (one, two) in pairs if one != two), len(heard))
-    assert heard == driver.written, f"from byte {same} of {len(heard)}: {heard[same - 5 : same + 20].hex(' ')}"
+    received = received_by(device)[before:]
+    pairs = enumerate(zip(received, driver.written, strict=False))
+    same = next((at for at, (one, two) in pairs if one != two), len(received))
+    assert received == driver.written, f"from byte {same} of {len(received)}: {received[same - 5 : same + 20].hex(' ')}"
 
 
 def is_past(driver: BusyDriver, since: tuple[int, int]) -> bool:

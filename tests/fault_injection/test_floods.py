@@ -22,8 +22,8 @@ MOST_S = 6.0  # of the server's processor time until an answer, with all that it
 @pytest.fixture(scope="module")
 def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
     folder: Path = tmp_path_factory.mktemp("flooded")
-    with watched(folder) as found:
-        yield found
+    with watched(folder) as result:
+        yield result
 
 
 @each_row("name", FLOODS)

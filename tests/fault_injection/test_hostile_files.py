@@ -20,7 +20,7 @@ from tests.support.server_process import ServerProcess
 from tests.support.timeouts import PATIENCE_S
 from tests.support.waiting import block_until
 
-GIVEN = Path(__file__).resolve().parents[3] / "shared" / "cases" / "hostile"
+CASES = Path(__file__).resolve().parents[3] / "shared" / "cases" / "hostile"
 LONGEST_S = 0.05  # for which the event loop may be held
 MOST_MB = 20.0  # by which the memory of the server may grow
 AT_ONCE = 4
@@ -67,8 +67,8 @@ def _read(client: httpx.Client, recording: str) -> list[str]:
 def test_hostile_files_harm_neither_the_server_nor_a_recording(tmp_path: Path) -> None:
     """An upload of 891 bytes ended the server, another froze it, and twelve reads of a view kept its threads."""
     hostile = {name: make(tmp_path) for name, make in HOSTILE.items()}
-    if GIVEN.is_dir():
-        hostile |= {f"given-{path.name}": path.read_bytes() for path in GIVEN.iterdir() if path.suffix != ".md"}
+    if CASES.is_dir():
+        hostile |= {f"given-{path.name}": path.read_bytes() for path in CASES.iterdir() if path.suffix != ".md"}
     source = "sim:xbus?rate=400&seed=1"
     server = ServerProcess(source, data=tmp_path / "data", arguments=("--record",), module=watched_server.__name__)
     with server, httpx.Client(base_url=server.url, timeout=3 * PATIENCE_S) as client:  # four wait for two processors

@@ -62,8 +62,8 @@ def killed(there: SimulatorThread, data: Path) -> None:
                 is_idle = lambda: not http.get("/api/devices/2/jobs").json()["running"]  # noqa: E731
                 block_until(is_idle, "the recording has asked for what it wants")
                 assert (data / LOCK).exists()
-                asked = http.post("/api/recordings/long/exports", json={"format": "csv"})
-                assert asked.status_code == 202, asked.text
+                request = http.post("/api/recordings/long/exports", json={"format": "csv"})
+                assert request.status_code == 202, request.text
                 block_until(lambda: http.get("/api/recordings/exports").json()[0]["state"] != "waiting", "it exports")
                 # On trial: a write alone may be over, and its way back gone, before anybody has looked.
                 body = {"changes": {"OutputConfiguration": outputs(50)}, "confirmed": True, "confirm_s": 600}
@@ -121,8 +121,8 @@ def test_a_server_deletes_no_file_of_another_server_in_its_folder(tmp_path: Path
 def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> None:
     """Regression: both wrote the same temporary file, so one could publish half of the other's data."""
     path = tmp_path / "a.mcap"
-    wanted = frames(0, 2000) * 3
-    recording(path, wanted)
+    expected = frames(0, 2000) * 3
+    recording(path, expected)
     begin = "import sys\nfrom pathlib import Path\nfrom imuscope.recordings.mcap.compaction import compact\n"
     code = f"{begin}compact(Path({str(path)!r}), progress=%s)"
     held = code % "lambda share: (print('half', flush=True), sys.stdin.readline())"
@@ -142,6 +142,6 @@ def test_a_compaction_that_outlives_its_server_is_harmless(tmp_path: Path) -> No
 
         with pytest.raises(RecordingError, match="replaced while it was packed"):
             compaction.compact(path, progress=let_it_end)
-    assert chunks(path) == wanted
+    assert chunks(path) == expected
     assert not is_uncompacted(path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]

@@ -29,7 +29,7 @@ from pathlib import Path
 import pytest
 
 from imuscope.server.devices.link.session import Session
-from tests.fault_injection.fault_harness import FaultHarness, frames, stage, told
+from tests.fault_injection.fault_harness import FaultHarness, frames, notice_of, stage
 from tests.server.links.link_fixtures import Pty, device, program_with, pty
 from tests.support.each_row import each_row
 from tests.support.timeouts import PATIENCE_S
@@ -69,7 +69,7 @@ async def test_unplugged_and_back_under_another_number(tmp_path: Path) -> None:
             await streams(first, here)
             unplug(first, tmp_path, 0)
             await until(here.status("lost"), "it is gone")
-            assert "gone" in told(here.info)[0] or "no port" in told(here.info)[0]
+            assert "gone" in notice_of(here.info)[0] or "no port" in notice_of(here.info)[0]
             plug(second, tmp_path, 1)
             await until(lambda: here.info.notices, "it is open again")
             assert f"came back as {second.path}" in here.info.notices[0]
@@ -92,7 +92,7 @@ async def test_a_hub_is_reset_with_all_its_ports(tmp_path: Path) -> None:
         sources = [f"serial://{place}?baud=115200" for place in places]
         async with stage(sources[0], tmp_path / "by-id") as here:
             sessions = [here.session, *map(here.sessions.add, sources[1:])]
-            heard: list[list[bytes]] = [[] for _ in sessions]
+            received: list[list[bytes]] = [[] for _ in sessions]
 
             def listen(session: Session, chunks: list[bytes]) -> None:
                 session.listeners.chunks(lambda came, way: chunks.extend(one.data for one in came if way == "rx"))
@@ -100,7 +100,7 @@ async def test_a_hub_is_reset_with_all_its_ports(tmp_path: Path) -> None:
             def are(status: str) -> Callable[[], bool]:
                 return lambda: all(one.info.status == status for one in sessions)
 
-            for pair in zip(sessions, heard, strict=True):
+            for pair in zip(sessions, received, strict=True):
                 listen(*pair)
             await until(lambda: all("is open" in one.info.message for one in sessions), "all are open")
             for k, port in enumerate(before):
@@ -117,9 +117,9 @@ async def test_a_hub_is_reset_with_all_its_ports(tmp_path: Path) -> None:
                 port.let_go()
                 port.write(frames(100 * k + 30, 100 * k + 50))
             await until(are("live"), "all stream again")
-            for k, chunks in enumerate(heard):
-                wanted = frames(100 * k, 100 * k + 20) + frames(100 * k + 30, 100 * k + 50)
-                await until(lambda: b"".join(chunks) == wanted, "its bytes are there")  # noqa: B023 - awaited here
+            for k, chunks in enumerate(received):
+                expected = frames(100 * k, 100 * k + 20) + frames(100 * k + 30, 100 * k + 50)
+                await until(lambda: b"".join(chunks) == expected, "its bytes are there")  # noqa: B023 - awaited here
             assert {event.device for event in here.events("gap")} == {one.info.id for one in sessions}
 
 
@@ -131,7 +131,7 @@ async def test_another_adapter_is_not_mistaken_for_the_previous_one(tmp_path: Pa
             unplug(first, tmp_path, 0)
             plug(other, tmp_path, 0, "B777")
             await until(lambda: "Another adapter" in here.info.message, "the other one is refused")
-            assert "B777" in told(here.info)[0]
+            assert "B777" in notice_of(here.info)[0]
             plug(back, tmp_path, 1)
             await until(lambda: here.info.notices, "its own is open")
             back.let_go()
@@ -201,7 +201,7 @@ async def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> 
         port.let_go()
         async with stage(f"serial://{port.path}?baud=115200") as here:
             await until(lambda: "in use" in here.info.message, "it is told")
-            words, hint = told(here.info)
+            words, hint = notice_of(here.info)
             assert f"(process {other.pid})" in words
             assert "--share" in hint
             other.communicate()
@@ -220,7 +220,7 @@ async def test_a_port_that_another_program_opens_later_is_left_to_it() -> None:
             with program_with(port.path, "O_RDWR") as other:
                 port.write(frames(30, 40))  # the other program took ten frames
                 await until(lambda: "in use" in here.info.message, "the port is left to the other program")
-                words, hint = told(here.info)
+                words, hint = notice_of(here.info)
                 assert f"(process {other.pid})" in words
                 assert "--share" in hint
             await until(lambda: here.info.is_open, "it is opened again")
@@ -242,7 +242,7 @@ async def test_a_tcp_peer_that_vanishes_silently() -> None:
                 pytest.skip("a peer that says nothing needs the right to administer the network")
             device.close()
             await until(here.status("lost"), "its silence is told")
-            assert told(here.info)
+            assert notice_of(here.info)
             again, _ = await asyncio.to_thread(server.accept)
             with again:
                 again.sendall(frames(40, 60))
@@ -264,7 +264,7 @@ async def test_udp_silence_and_recovery() -> None:
                 await asyncio.sleep(0.01)
             await until(here.status("live"), "it streams")
             await until(here.status("lost"), "its silence is told")
-            assert "No data" in told(here.info)[0]
+            assert "No data" in notice_of(here.info)[0]
             for n in range(15, 25):
                 device.sendto(frames(n, n + 1), ("127.0.0.1", port))
             await until(here.status("live"), "it streams again")
@@ -273,7 +273,7 @@ async def test_udp_silence_and_recovery() -> None:
             await until(lambda: here.health.lost == 5, "what did not come is counted")
 
 
-async def test_noise_after_a_silence_is_told() -> None:
+async def test_noise_after_a_silence_is_reported() -> None:
     """A device that restarts is silent first; if it then sends at another rate, that must not count as silence."""
     with pty() as port:
         async with stage(f"serial://{port.path}?baud=115200") as here:
@@ -282,12 +282,12 @@ async def test_noise_after_a_silence_is_told() -> None:
             await until(here.status("live"), "it streams")
             await until(lambda: "No data" in here.info.message, "its silence is told")
 
-            def is_told() -> bool:
+            def is_reported() -> bool:
                 port.write(bytes([0x55, 0x91, 0x0B]) * 4)
                 return "none could be decoded" in here.info.message
 
-            await until(is_told, "the noise is told")
-            assert "rate" in told(here.info)[1]
+            await until(is_reported, "the noise is told")
+            assert "rate" in notice_of(here.info)[1]
             port.write(frames(40, 80))
             await until(here.status("live"), "it streams again")
 
@@ -302,7 +302,7 @@ async def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
             assert bench.device is not None
             bench.device.baud = 460_800
             await until(lambda: "none could be decoded" in here.info.message, "it is told")
-            assert "rate" in told(here.info)[1]
+            assert "rate" in notice_of(here.info)[1]
             if not known:
                 await until(here.status("live"), "it is found at the new rate")
                 assert here.info.baud == 460_800

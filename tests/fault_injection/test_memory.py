@@ -21,7 +21,7 @@ import pytest
 from imuscope.recordings.system import resource_limits
 from imuscope.server.commands.serve import within_memory
 from imuscope.server.settings.config import Config
-from tests.bench.support.serial_devices import Speakers, heard_in
+from tests.bench.support.serial_devices import Speakers, received_in
 from tests.support.each_row import each_row
 from tests.support.server_process import ServerProcess
 from tests.support.timeouts import PATIENCE_S
@@ -34,9 +34,9 @@ RATE, SPEED, SECONDS = 400.0, 40.0, 120.0  # of the devices' own time
 
 def data_of(pid: int) -> int:
     """Memory of a process that counts against RLIMIT_DATA, bytes."""
-    found = re.search(r"^VmData:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text(), re.MULTILINE)
-    assert found is not None
-    return int(found[1]) * 1024
+    match = re.search(r"^VmData:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text(), re.MULTILINE)
+    assert match is not None
+    return int(match[1]) * 1024
 
 
 def received_by(server: ServerProcess) -> float:
@@ -64,20 +64,20 @@ def test_a_recording_is_whole_and_the_history_bounded_within_a_limit(tmp_path: P
             sent = speakers.sent()["devices"]
             total = sum(one["bytes"] for one in sent)
             block_until(lambda: received_by(server) >= total, "all of it has arrived")
-            held = server.ask("GET", "/api/recorder/memory")
+            held = server.request("GET", "/api/recorder/memory")
             assert 0 < sum(one["size"] for one in held) <= HISTORY_MB * MB
     assert server.process.wait() == 0
-    heard = heard_in(sorted((tmp_path / "data" / "recordings").glob("*.mcap")))
-    assert [heard[str(n)] for n in (1, 2, 3)] == [{name: one[name] for name in ("bytes", "crc32")} for one in sent]
+    received = received_in(sorted((tmp_path / "data" / "recordings").glob("*.mcap")))
+    assert [received[str(n)] for n in (1, 2, 3)] == [{name: one[name] for name in ("bytes", "crc32")} for one in sent]
     assert "Traceback" not in server.log
 
 
 @each_row(("available", "expected"), [(256, 64), (100, 8), (1024, 256), (64_000, 256)])
-def test_a_history_without_room_is_smaller_and_the_start_says_so(
+def test_a_history_without_room_is_smaller_and_the_start_states_it(
     available: int, expected: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(resource_limits, "_memories", lambda: [available * MB])
     assert within_memory(Config()).memory_mb == expected
     assert resource_limits.history_room() >= (available - 1536) * MB, "a large machine keeps 1.5 GB for others"
-    said = f"at most {expected} MB in place of 256 (memory_mb)"
-    assert (said in capsys.readouterr().err) == (expected < 256)
+    message = f"at most {expected} MB in place of 256 (memory_mb)"
+    assert (message in capsys.readouterr().err) == (expected < 256)

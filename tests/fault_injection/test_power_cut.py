@@ -56,10 +56,10 @@ def messages(path: Path) -> list[Message]:
 def test_a_recording_survives_at_any_moment_of_packing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "drive.mcap"
     drive(path, seconds=3.0)
-    wanted = messages(path)
+    expected = messages(path)
     (tmp_path / "left").mkdir()
     disk = WorstDisk(path, tmp_path / "left", monkeypatch)
     compaction.compact(path)
     assert len(disk.left) == 2, "it is replaced once"
-    assert [messages(one) for one in disk.left] == [wanted, wanted]
-    assert messages(path) == wanted
+    assert [messages(one) for one in disk.left] == [expected, expected]
+    assert messages(path) == expected

@@ -128,9 +128,9 @@ def test_a_signal_while_it_starts() -> None:
 
 def test_a_thread_that_does_not_end() -> None:
     """A zip of gigabytes was waited for; now the process ends over it."""
-    said = ended("lingering", "ready")
-    assert "still at work" in said
-    assert "returned" not in said
+    message = ended("lingering", "ready")
+    assert "still at work" in message
+    assert "returned" not in message
 
 
 @each_row(
@@ -142,16 +142,16 @@ def test_a_thread_that_does_not_end() -> None:
     ],
 )
 def test_what_hangs_is_named_at_the_deadline_and_the_process_ends(how: str, word: str, held: str) -> None:
-    said = ended(how, word)
-    assert "The process had not ended 1.5 s after the signal and was ended. " + held in said
-    assert "returned" not in said
+    message = ended(how, word)
+    assert "The process had not ended 1.5 s after the signal and was ended. " + held in message
+    assert "returned" not in message
 
 
 def test_a_part_that_will_not_be_cancelled_is_abandoned() -> None:
-    said = ended("stubborn", "ready")
-    assert "not cancelled" in said
-    assert "a viewer did not close within 1 s and was abandoned." in said
-    assert "Exited while a viewer did not end." in said
+    message = ended("stubborn", "ready")
+    assert "not cancelled" in message
+    assert "a viewer did not close within 1 s and was abandoned." in message
+    assert "Exited while a viewer did not end." in message
 
 
 def _sent(

@@ -38,25 +38,25 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--without-captures", action="store_true", help="start from what is in the project alone")
     parser.add_argument("--keep-account", action="store_true", help="note the run in runs.json")
-    given = parser.parse_args()
-    if given.protocol in OUTSIDE:
-        return _outside(given)
-    search = CorpusSearch(given.protocol, given.seed, captures=not given.without_captures)
+    options = parser.parse_args()
+    if options.protocol in OUTSIDE:
+        return _outside(options)
+    search = CorpusSearch(options.protocol, options.seed, captures=not options.without_captures)
     begin = time.monotonic()
     shown = begin
     kinds: dict[str, int] = {}
-    while (search.cases < given.cases) if given.cases else (time.monotonic() - begin < 60 * given.minutes):
+    while (search.cases < options.cases) if options.cases else (time.monotonic() - begin < 60 * options.minutes):
         faulthandler.dump_traceback_later(HANG_S, exit=True)  # gives the place; the same seed reproduces it
-        found = search.step()
-        if found is not None:
-            case, broken = found
+        result = search.step()
+        if result is not None:
+            case, broken = result
             kinds[broken.kind] = kinds.get(broken.kind, 0) + 1
             if kinds[broken.kind] <= 3 and sum(kinds.values()) <= _MAX_FINDINGS:
                 faulthandler.cancel_dump_traceback_later()
-                small, broken = minimised(given.protocol, case, broken)
-                about = f"{broken.kind} · seed {given.seed} · case {search.cases}"
+                small, broken = minimised(options.protocol, case, broken)
+                about = f"{broken.kind} · seed {options.seed} · case {search.cases}"
                 path = write(
-                    given.protocol, small, str(broken)[:400], about, f"{broken.kind}_{given.seed}_{search.cases}"
+                    options.protocol, small, str(broken)[:400], about, f"{broken.kind}_{options.seed}_{search.cases}"
                 )
                 print(f"\n{path}\n  {len(case.data)} → {len(small.data)} bytes: {str(broken)[:600]}", flush=True)
         if time.monotonic() - shown > 30:
@@ -66,7 +66,7 @@ def main() -> int:
     seconds = time.monotonic() - begin
     print(_state(search, seconds, sum(kinds.values())))
     _note(
-        given,
+        options,
         seconds,
         ("numpy", "pynmeagps"),
         compiled=not compiled.DISABLED,
@@ -74,20 +74,24 @@ def main() -> int:
         bytes=search.bytes,
         frames=search.frames,
         corpus=len(search.corpus),
-        features=len(search.seen),
+        features=len(search.visited),
         broken=kinds,
     )
     return 1 if kinds else 0
 
 
-def _outside(given: argparse.Namespace) -> int:
+def _outside(source: argparse.Namespace) -> int:
     from tests.fuzz.external_inputs import ExternalRun
 
     begin = time.monotonic()
-    run = ExternalRun(given.protocol, given.seed)
-    run.run(60 * given.minutes)
+    run = ExternalRun(source.protocol, source.seed)
+    run.run(60 * source.minutes)
     _note(
-        given, time.monotonic() - begin, ("schemathesis", "hypothesis", "websockets"), cases=run.cases, broken=run.kinds
+        source,
+        time.monotonic() - begin,
+        ("schemathesis", "hypothesis", "websockets"),
+        cases=run.cases,
+        broken=run.kinds,
     )
     return 1 if run.kinds else 0
 
@@ -95,18 +99,18 @@ def _outside(given: argparse.Namespace) -> int:
 def _state(search: CorpusSearch, seconds: float, broken: int) -> str:
     return (
         f"{seconds:6.0f} s  {search.cases} cases  {search.bytes / 1e6:.1f} MB  corpus {len(search.corpus)}  "
-        f"features {len(search.seen)}  broken {broken}"
+        f"features {len(search.visited)}  broken {broken}"
     )
 
 
-def _note(given: argparse.Namespace, seconds: float, packages: Iterable[str], **figures: object) -> None:
+def _note(source: argparse.Namespace, seconds: float, packages: Iterable[str], **figures: object) -> None:
     """Note a run in runs.json, if that is wanted."""
-    if not given.keep_account:
+    if not source.keep_account:
         return
     run = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
-        "protocol": given.protocol,
-        "seed": given.seed,
+        "protocol": source.protocol,
+        "seed": source.seed,
         "minutes": round(seconds / 60, 1),
         **figures,
         "versions": {"python": platform.python_version(), **{name: version(name) for name in packages}},

@@ -73,18 +73,18 @@ def write_json(target: str, name: str, showed: str, content: dict[str, Any]) -> 
 
 def read(path: Path) -> Case:
     """A finding again."""
-    said: dict[str, str] = {}
+    message: dict[str, str] = {}
     hexes = ""
     for line in path.read_text().splitlines():
         if line.startswith("# "):
             key, _, value = line[2:].partition(":")
-            said[key] = value.strip()
+            message[key] = value.strip()
         else:
             hexes += line
-    settings = json.loads(said.get("settings") or "{}")
+    settings = json.loads(message.get("settings") or "{}")
     if "key" in settings:
         settings["key"] = bytes.fromhex(settings["key"])
-    return Case(bytes.fromhex(hexes), tuple(int(word) for word in said.get("cuts", "").split()), settings)
+    return Case(bytes.fromhex(hexes), tuple(int(word) for word in message.get("cuts", "").split()), settings)
 
 
 def findings(protocol: str) -> Iterator[Path]:

@@ -34,11 +34,11 @@ def check(protocol: str, case: Case, batches: list[Batch]) -> None:
     Raises:
         BrokenError: a value differs, or a row has no frame.
     """
-    wanted = dict({"xbus": _xbus, "isb": _isb, "idtp": _idtp, "mip": _mip}[protocol](case))
+    expected = dict({"xbus": _xbus, "isb": _isb, "idtp": _idtp, "mip": _mip}[protocol](case))
     for batch in batches:
         fields = {field.name: field for field in batch.message.fields}
         for i, offset in enumerate(batch.offset.tolist()):
-            values = wanted.get(offset)
+            values = expected.get(offset)
             if values is None:
                 continue
             if protocol == "xbus":
@@ -49,16 +49,16 @@ def check(protocol: str, case: Case, batches: list[Batch]) -> None:
 
 def _by_column(values: Values, columns: list[str], offset: int) -> Values:
     """The items of an MTData2 by the names of their columns: the last of a name has it, the others have more."""
-    found = list(values.values())
-    names = [str(value[0]) for value in found]
+    results = list(values.values())
+    names = [str(value[0]) for value in results]
     later = [name in names[place + 1 :] for place, name in enumerate(names)]
     fits = [
         column.startswith(name + "_") if again else column == name
         for column, name, again in zip(columns, names, later, strict=False)
     ]
-    if len(columns) != len(found) or not all(fits):
+    if len(columns) != len(results) or not all(fits):
         raise BrokenError("columns", f"at {offset} there are {columns}, the oracle has {names}")
-    return {column: value[1:] for column, value in zip(columns, found, strict=True)}
+    return {column: value[1:] for column, value in zip(columns, results, strict=True)}
 
 
 def _compare(batch: Batch, fields: dict[str, Field], i: int, name: str, numbers: list[Any]) -> None:
@@ -105,7 +105,7 @@ def _xbus(case: Case) -> Iterator[tuple[int, Values]]:
 
 def _isb(case: Case) -> Iterator[tuple[int, Values]]:
     packets = isb_oracle.scan(case.data, final=True).packets
-    told = any(one.kind == 4 and one.did in (1, 93, 120) for one in packets)
+    report = any(one.kind == 4 and one.did in (1, 93, 120) for one in packets)
     whole: dict[int, bytes] = {}
     for one in packets:
         if one.kind != 4:
@@ -118,7 +118,7 @@ def _isb(case: Case) -> Iterator[tuple[int, Values]]:
             payload = last[:part] + payload + last[part + len(payload) :]
         whole[one.did] = payload
         row = isb_vectors.FORMATS.get(str(one.did))
-        if row and len(payload) == row["size"] and (isb_steady(one.did) or not told):
+        if row and len(payload) == row["size"] and (isb_steady(one.did) or not report):
             yield one.offset, isb_oracle.values(row["fields"], payload)
 
 
@@ -134,10 +134,12 @@ def _idtp(case: Case) -> Iterator[tuple[int, Values]]:
     least = case.settings.get("min_mode", idtp_oracle.LITE if key is None else idtp_oracle.SECURE)
     unverified = bool(case.settings.get("show_unverified"))
     for frame in idtp_oracle.scan(case.data, final=True, key=key, min_mode=least, unverified=unverified).frames:
-        said = idtp_oracle.values(frame)
-        if said is None:
+        message = idtp_oracle.values(frame)
+        if message is None:
             continue
-        values: Values = {field: [said[name] for name in names] for field, names in WIRE.items() if names[0] in said}
+        values: Values = {
+            field: [message[name] for name in names] for field, names in WIRE.items() if names[0] in message
+        }
         if "Quaternion" in values:
             norm = float(np.linalg.norm(np.asarray(values["Quaternion"], np.float64)))
             if not abs(norm - 1) <= 0.01:

@@ -56,10 +56,10 @@ class ExternalRun:
         with http.FuzzedServer(folder) as server:
             search = http.RequestSearch(server, self.first)
             while True:
-                for asked, broken in search.step(A_ROUND, slow=search.round == 1):
+                for request, broken in search.step(A_ROUND, slow=search.round == 1):
                     self.cases = search.cases
-                    way = f"{asked.method} {asked.path.partition('?')[0]} {broken.kind}"
-                    self._broke(way, broken, lambda name, words, asked=asked: asked.write(name, words))
+                    way = f"{request.method} {request.path.partition('?')[0]} {broken.kind}"
+                    self._broke(way, broken, lambda name, words, request=request: request.write(name, words))
                     yield
                 self.cases = search.cases
                 yield

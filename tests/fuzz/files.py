@@ -8,7 +8,7 @@ upload, a folder shared with others) or from a person (a snapshot, a schema, a b
 
     - no other exception, and an end within `PATIENCE_S`
     - no memory that the file's own size does not explain: lengths that lie are written on purpose, and all runs within
-      `ROOM` bytes of address space more than there were when it began
+      `MAX_BYTES` bytes of address space more than there were when it began
     - a recording that was cut off says so
 
 What breaks is made smaller and kept under findings/files/.
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from tests.fuzz.reading import Reading
 
 PATIENCE_S = 60  # no case takes a second on a quiet machine
-ROOM = 1 << 30  # bytes; a case holds some kB. What threads reserve at once is in it
+MAX_BYTES = 1 << 30  # bytes; a case holds some kB. What threads reserve at once is in it
 LOGS = Path(__file__).parents[1] / "golden" / "isb" / "logs"
 LOG = "LOG_SN60339_20261120_120000_0001"
 START = 1_760_000_000_000_000_000
@@ -69,7 +69,7 @@ START = 1_760_000_000_000_000_000
 
 def _recording(path: Path, cut: bool) -> None:
     """As the list, the library and the decoder meet it."""
-    seen = probe(path)
+    observed = probe(path)
     source = None
     try:
         source = open_file(path)
@@ -79,8 +79,8 @@ def _recording(path: Path, cut: bool) -> None:
         _sentence(error.message)
         return
     if cut and path.suffix == ".mcap":
-        told = bool(source.damage) or (seen is not None and seen.damaged)
-        if not told:
+        report = bool(source.damage) or (observed is not None and observed.damaged)
+        if not report:
             raise BrokenError("silent", "a recording that was cut off is taken as whole")
 
 
@@ -89,10 +89,10 @@ def _listed(path: Path, cut: bool) -> None:
     library = ReadLibrary(path.parent)
     for entry in library.all("drive"):
         library.edit(entry.id, Edits(title="again"))
-    told = [
+    messages = [
         [entry.title, entry.edits.notes, entry.edits.tags, *map(asdict, entry.edits.markers)] for entry in library.all()
     ]
-    json.dumps(told, ensure_ascii=False).encode()  # as it is sent to a page
+    json.dumps(messages, ensure_ascii=False).encode()  # as it is sent to a page
 
 
 def _refused(read: Callable[[Path], Any], *errors: type[Exception]) -> Callable[[Path, bool], None]:
@@ -391,8 +391,8 @@ def _resealed(data: bytearray, random: Random) -> bytearray:
     footer = len(data) - len(MAGIC) - 29
     if footer > 0 and data[-len(MAGIC) :] == MAGIC and data[footer] == 2:
         (start,) = struct.unpack_from("<Q", data, footer + 9)
-        told = zlib.crc32(data[start : footer + 25]) if start < footer and random.random() < 0.5 else 0
-        struct.pack_into("<I", data, footer + 25, told)
+        report = zlib.crc32(data[start : footer + 25]) if start < footer and random.random() < 0.5 else 0
+        struct.pack_into("<I", data, footer + 25, report)
     return data
 
 
@@ -400,7 +400,7 @@ def _resealed(data: bytearray, random: Random) -> bytearray:
 
 
 @contextlib.contextmanager
-def bounded(room: int = ROOM) -> Iterator[None]:
+def bounded(room: int = MAX_BYTES) -> Iterator[None]:
     """Limit the address space to this many bytes above current use; available on Linux only."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[0])

@@ -59,7 +59,7 @@ ODD: list[Any] = [
 
 
 @dataclass(frozen=True)
-class Asked:
+class HttpRequest:
     """A request as it went out, and how it is kept.
 
     Args:
@@ -76,10 +76,10 @@ class Asked:
         return write_json("http", name, showed, asdict(self))
 
     @staticmethod
-    def read(path: Path) -> Asked:
+    def read(path: Path) -> HttpRequest:
         """One that was kept."""
-        kept = json.loads(path.read_text())
-        return Asked(kept["method"], kept["path"], kept["body"], kept["headers"])
+        document = json.loads(path.read_text())
+        return HttpRequest(document["method"], document["path"], document["body"], document["headers"])
 
 
 class FuzzedServer:
@@ -121,13 +121,13 @@ class FuzzedServer:
 
         devices = block_until(recognised, "the simulators are recognised")
         self.forms = [self.read(f"/api/devices/{device['id']}/forms") for device in devices]
-        self.look()
+        self.read_names()
 
     def read(self, path: str) -> Any:
         """Answer of a path."""
         return self.session.get(self.url + path, timeout=PATIENCE_S).json()
 
-    def look(self) -> None:
+    def read_names(self) -> None:
         """Path parameters: identifiers that currently exist."""
         devices = [device["id"] for device in self.read("/api/devices")]
         recordings = [one["id"] for one in self.read("/api/recordings")]
@@ -147,21 +147,21 @@ class FuzzedServer:
         self.session.post(f"{self.url}/api/recordings/stop", timeout=PATIENCE_S)
         for job in self.read("/api/recordings/exports")[4:]:
             self.session.delete(f"{self.url}/api/recordings/exports/{job['id']}", timeout=PATIENCE_S)
-        self.look()
+        self.read_names()
 
-    def ask(self, asked: Asked, again: bool = True) -> requests.Response:
+    def request(self, question: HttpRequest, again: bool = True) -> requests.Response:
         """Send a request.
 
         Raises:
             BrokenError: no answer. A kept connection may end just when it is used again: then it is asked once more.
         """
-        body = None if asked.body is None else asked.body.encode("utf-8", "surrogatepass")
+        body = None if question.body is None else question.body.encode("utf-8", "surrogatepass")
         try:
             return self.session.request(
-                asked.method,
-                self.url + asked.path,
+                question.method,
+                self.url + question.path,
                 data=body,
-                headers=asked.headers,
+                headers=question.headers,
                 timeout=PATIENCE_S,
                 allow_redirects=False,
             )
@@ -169,7 +169,7 @@ class FuzzedServer:
             raise BrokenError("hang", f"no answer for {PATIENCE_S:g} s") from None
         except requests.ConnectionError as error:
             if again:
-                return self.ask(asked, again=False)
+                return self.request(question, again=False)
             raise BrokenError("cut", f"the connection ended: {error!s:.200}") from None
 
     def check(self) -> None:
@@ -253,7 +253,7 @@ def formed(draw: st.DrawFn, route: str, forms: list[dict[str, Any]]) -> dict[str
 
 
 @st.composite
-def requests_of(draw: st.DrawFn, operation: Any, mode: GenerationMode, server: FuzzedServer) -> tuple[Any, Asked]:
+def requests_of(draw: st.DrawFn, operation: Any, mode: GenerationMode, server: FuzzedServer) -> tuple[Any, HttpRequest]:
     """A request of an operation, as schemathesis' case and as it is sent."""
     case = draw(operation.as_strategy(generation_mode=mode))
     names = server.names
@@ -262,18 +262,18 @@ def requests_of(draw: st.DrawFn, operation: Any, mode: GenerationMode, server: F
             case.path_parameters[name] = draw(st.sampled_from(names[name]))
     if not all(str(value) for value in (case.path_parameters or {}).values()):
         case.path_parameters = {name: str(value) or "0" for name, value in case.path_parameters.items()}
-    found = FORMED.match(operation.path)
+    hit = FORMED.match(operation.path)
     own = None
-    if found and draw(st.integers(0, 3)):
-        own = draw(formed(found[1], server.forms))
+    if hit and draw(st.integers(0, 3)):
+        own = draw(formed(hit[1], server.forms))
     sent = case.as_transport_kwargs(base_url=server.url)
     if own is not None:
         sent = {**sent, "json": own}
         sent.pop("data", None)
-    return case, _asked(sent, server.url)
+    return case, _request_of(sent, server.url)
 
 
-def _asked(sent: dict[str, Any], url: str) -> Asked:
+def _request_of(sent: dict[str, Any], url: str) -> HttpRequest:
     prepared = requests.Request(sent["method"], sent["url"], params=sent.get("params")).prepare()
     assert prepared.url is not None
     headers = {name: str(value) for name, value in dict(sent.get("headers") or {}).items()}
@@ -284,7 +284,7 @@ def _asked(sent: dict[str, Any], url: str) -> Asked:
         headers["Content-Type"] = "application/json"
     elif isinstance(data := sent.get("data"), bytes | str) and data:
         body = data.decode("utf-8", "replace") if isinstance(data, bytes) else data
-    return Asked(sent["method"], prepared.url.removeprefix(url), body, headers)
+    return HttpRequest(sent["method"], prepared.url.removeprefix(url), body, headers)
 
 
 # -- the run -----------------------------------------------------------------------------------------------------------
@@ -310,7 +310,9 @@ class RequestSearch:
         schema = schemathesis.openapi.from_dict(server.read("/openapi.json"))
         self.operations = [result.ok() for result in schema.get_all_operations()]
 
-    def step(self, examples: int, *, slow: bool = False, quick: bool = False) -> Iterator[tuple[Asked, BrokenError]]:
+    def step(
+        self, examples: int, *, slow: bool = False, quick: bool = False
+    ) -> Iterator[tuple[HttpRequest, BrokenError]]:
         """One round: so many requests of every operation, right ones and wrong ones; gives what broke.
 
         Args:
@@ -327,8 +329,8 @@ class RequestSearch:
                     continue
                 yield from self._some(number, mode, examples)
 
-    def _some(self, number: int, mode: GenerationMode, examples: int) -> list[tuple[Asked, BrokenError]]:
-        broken: list[tuple[Asked, BrokenError]] = []
+    def _some(self, number: int, mode: GenerationMode, examples: int) -> list[tuple[HttpRequest, BrokenError]]:
+        broken: list[tuple[HttpRequest, BrokenError]] = []
 
         @seed(self._first + 1000 * self.round + number)
         @settings(
@@ -340,12 +342,12 @@ class RequestSearch:
             suppress_health_check=[check for check in HealthCheck if check is not HealthCheck.filter_too_much],
         )
         @given(requests_of(self.operations[number], mode, self.server))
-        def one(drawn: tuple[Any, Asked]) -> None:
-            case, asked = drawn
+        def one(drawn: tuple[Any, HttpRequest]) -> None:
+            case, request = drawn
             try:
-                self._judge(case, asked)
+                self._judge(case, request)
             except BrokenError as error:
-                broken.append((asked, error))
+                broken.append((request, error))
 
         try:
             one()
@@ -353,11 +355,11 @@ class RequestSearch:
             self._nothing.add((number, mode))  # an operation without parameters has no wrong input
         return broken
 
-    def _judge(self, case: Any, asked: Asked) -> None:
+    def _judge(self, case: Any, request: HttpRequest) -> None:
         self.cases += 1
         if self.cases % TIDY_EVERY == 0:
             self.server.tidy()
-        response = self.server.ask(asked)
+        response = self.server.request(request)
         self.statuses[response.status_code] = self.statuses.get(response.status_code, 0) + 1
         check_error(response)
         self.server.check()

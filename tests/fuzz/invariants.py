@@ -118,9 +118,9 @@ def _arrivals(speaker: ProtocolCase, case: Case, events: list[Event], lines: Lin
         else:
             continue
         for offset, arrival in places:
-            wanted = sum(end < offset + size.get(offset, 0) for end in ends)
-            if offset not in size or arrival != wanted:
-                raise BrokenError("decoder", f"the frame at {offset} arrived at {arrival}, not {wanted}")
+            expected = sum(end < offset + size.get(offset, 0) for end in ends)
+            if offset not in size or arrival != expected:
+                raise BrokenError("decoder", f"the frame at {offset} arrived at {arrival}, not {expected}")
 
 
 # -- the decoder against others ----------------------------------------------------------------------------------------
@@ -133,9 +133,9 @@ def _like_the_oracle(speaker: ProtocolCase, case: Case, lines: Lines) -> None:
     if got != [offset for offset, _ in frames]:
         raise BrokenError("oracle", f"frames at {got}, the oracle has {[offset for offset, _ in frames]}")
     for line, (offset, expected) in zip(own, frames, strict=True):
-        said = speaker.of_line(line) if isinstance(expected, str) else line["id"]
-        if said != expected:
-            raise BrokenError("oracle", f"the frame at {offset} says {said!s:.300}, the oracle {expected!s:.300}")
+        message = speaker.of_line(line) if isinstance(expected, str) else line["id"]
+        if message != expected:
+            raise BrokenError("oracle", f"the frame at {offset} says {message!s:.300}, the oracle {expected!s:.300}")
     first = speaker.preamble[0]
     failed = [(x["offset"], x["reject"]) for x in lines if "reject" in x and case.data[x["offset"]] == first]
     failed = [one for one in failed if one[1] != "bad_item"]
@@ -145,13 +145,13 @@ def _like_the_oracle(speaker: ProtocolCase, case: Case, lines: Lines) -> None:
 
 def _like_the_listing(speaker: ProtocolCase, events: list[Event], lines: Lines) -> None:
     """Same frames by name, same texts, same rejects."""
-    wanted = sorted((x["offset"], speaker.message_of(x)) for x in lines if x.get("protocol") == speaker.name)
+    expected = sorted((x["offset"], speaker.message_of(x)) for x in lines if x.get("protocol") == speaker.name)
     got = [(offset, e.message.name) for e in events if isinstance(e, Batch) for offset in e.offset.tolist()]
     got += [(e.offset, e.message.name) for e in events if isinstance(e, Reply) and e.message.id >= 0]
     if speaker.name == "idtp":  # a payload too short for its type has a separate message
         got = [(offset, name.removesuffix("Bytes")) for offset, name in got]
-    if sorted(got) != wanted:
-        raise BrokenError("decoder", f"{sorted(set(got) ^ set(wanted))!s:.300} differ, or come twice")
+    if sorted(got) != expected:
+        raise BrokenError("decoder", f"{sorted(set(got) ^ set(expected))!s:.300} differ, or come twice")
     texts = [(x["offset"], x["size"], x["message"]) for x in lines if x.get("id", 0) is None]
     if sorted((e.offset, e.size, e.name) for e in events if isinstance(e, Text)) != texts:
         raise BrokenError("decoder", f"texts differ from the listing's {texts!s:.300}")
@@ -187,14 +187,14 @@ def _accounted(speaker: ProtocolCase, case: Case, lines: Lines, skipped: int) ->
     if left != skipped:
         raise BrokenError("account", f"{left} bytes belong to nothing, the decoder says {skipped}")
     frames = [(x["offset"], x["offset"] + x["size"]) for x in lines if x.get("protocol") == speaker.name]
-    seen: set[tuple[int, str]] = set()
+    visited: set[tuple[int, str]] = set()
     for line in lines:
         if "reject" not in line:
             continue
         at, size = line["offset"], line["size"]
-        if not 0 < size <= len(case.data) - at or (at, line["reject"]) in seen:
+        if not 0 < size <= len(case.data) - at or (at, line["reject"]) in visited:
             raise BrokenError("account", f"the reject at {at} of {size} bytes is beside the stream, or comes twice")
-        seen.add((at, line["reject"]))
+        visited.add((at, line["reject"]))
         if any(begin <= at < stop for begin, stop in frames) != (line["reject"] == "bad_item"):
             raise BrokenError("account", f"the reject at {at}, {line['reject']}, lies in a frame that was accepted")
 
@@ -214,12 +214,12 @@ def _datagrams(speaker: ProtocolCase, case: Case) -> None:
     frames: list[idtp_oracle.OracleIdtpFrame] = []
     at = 0
     for chunk in case.chunks():
-        found = idtp_oracle.scan(
+        results = idtp_oracle.scan(
             chunk, final=True, key=key, min_mode=least, unverified=bool(settings.get("show_unverified"))
         )
-        for frame in found.frames:
+        for frame in results.frames:
             frame.offset += at
-        frames += found.frames
+        frames += results.frames
         at += len(chunk)
     if settings.get("replay_check", True):
         frames = [frame for frame, _ in idtp_oracle.judge(frames, keyed=key is not None)[0]]
@@ -247,10 +247,10 @@ def _features(events: list[Event], lines: Lines) -> Features:
             words.append(("step", event.kind, event.by_ns > 0))
         elif isinstance(event, SampleGap):
             words.append(("gap", event.missing > 1))
-    found = set(words)
+    results = set(words)
     kinds = [word[:2] for word in words]
-    found |= {("then", *a, *b) for a, b in pairwise(kinds) if "batch" not in (a[0], b[0])}
+    results |= {("then", *a, *b) for a, b in pairwise(kinds) if "batch" not in (a[0], b[0])}
     for line in lines:
-        found |= {("wire", line.get("message"), name) for name in line.get("wire", ())}
-        found |= {("note", name) for name in line.get("notes", ())}
-    return frozenset(found)
+        results |= {("wire", line.get("message"), name) for name in line.get("wire", ())}
+        results |= {("note", name) for name in line.get("notes", ())}
+    return frozenset(results)

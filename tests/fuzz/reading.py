@@ -35,11 +35,11 @@ class Reading:
         """Hand a file to the reader of its kind. BrokenError: what should not have happened."""
         call = self._files.call(f"{__name__}:broken", path, kind, cut, returns=list[str])
         try:
-            found: list[str] = asyncio.run_coroutine_threadsafe(call, self._loop).result()
+            results: list[str] = asyncio.run_coroutine_threadsafe(call, self._loop).result()
         except RecordingError as error:
             raise BrokenError("process", f"a {kind}: {error.message}") from None
-        if found:
-            raise BrokenError(found[0], found[1])
+        if results:
+            raise BrokenError(results[0], results[1])
 
     def close(self) -> None:
         asyncio.run_coroutine_threadsafe(self._files.close(), self._loop).result()
@@ -50,7 +50,7 @@ class Reading:
 
 def broken(path: Path, kind: str, cut: bool) -> list[str]:
     """What is wrong with the reading of a file: in one word, and in more; [] for nothing."""
-    bounded(memory_in_use() + files.ROOM, round(files.PATIENCE_S / 2))
+    bounded(memory_in_use() + files.MAX_BYTES, round(files.PATIENCE_S / 2))
     try:
         files.attempt(files.KINDS[kind], path, kind, cut=cut)
     except BrokenError as error:

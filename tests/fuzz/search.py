@@ -35,7 +35,7 @@ class CorpusSearch:
         self.target = TARGETS[protocol]
         self.random = Random(f"{protocol} {seed}")
         self.corpus: list[Pieces] = self.target.seeds(captures=captures)
-        self.seen: set[tuple[object, ...]] = set()
+        self.visited: set[tuple[object, ...]] = set()
         self.cases = self.bytes = self.frames = 0
 
     def step(self) -> tuple[Case, BrokenError] | None:
@@ -80,9 +80,9 @@ class CorpusSearch:
         return Case(data, cuts, self.target.settings(random))
 
     def _learn(self, pieces: Pieces, shown: Features) -> None:
-        if shown <= self.seen:
+        if shown <= self.visited:
             return
-        self.seen |= shown
+        self.visited |= shown
         if len(self.corpus) >= _MAX_CORPUS:
             del self.corpus[self.random.randrange(len(self.corpus))]
         self.corpus.append(pieces)
@@ -136,10 +136,10 @@ class Smallest:
 def minimised(protocol: str, case: Case, broken: BrokenError, *, attempts: int = 1500) -> tuple[Case, BrokenError]:
     """A smaller case that breaks the same invariant: fewer bytes, cuts and settings."""
     speaker = TARGETS[protocol].speaker
-    found = Smallest(lambda one: check(speaker, one, guessing=broken.kind == "guess"), case, broken, attempts)
+    results = Smallest(lambda one: check(speaker, one, guessing=broken.kind == "guess"), case, broken, attempts)
     if case.settings:
-        found.take(Case(case.data, case.cuts))
-    found.shorten()
-    for cut in found.case.cuts:
-        found.take(Case(found.case.data, tuple(at for at in found.case.cuts if at != cut), found.case.settings))
-    return found.case, found.broken
+        results.take(Case(case.data, case.cuts))
+    results.shorten()
+    for cut in results.case.cuts:
+        results.take(Case(results.case.data, tuple(at for at in results.case.cuts if at != cut), results.case.settings))
+    return results.case, results.broken

@@ -82,12 +82,12 @@ class FuzzTarget:
 
     def pieces(self, data: bytes) -> Pieces:
         """Frames, and what is between them."""
-        found: Pieces = []
+        results: Pieces = []
         at = 0
         for begin, size in self.frames(data):
-            found += [data[at:begin]] * (begin > at) + [data[begin : begin + size]]
+            results += [data[at:begin]] * (begin > at) + [data[begin : begin + size]]
             at = begin + size
-        return found + [data[at:]] * (at < len(data))
+        return results + [data[at:]] * (at < len(data))
 
     def seeds(self, *, captures: bool) -> list[Pieces]:
         """Initial corpus: golden vectors, the simulator and, with `captures`, recordings beside the project."""

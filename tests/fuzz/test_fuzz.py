@@ -16,10 +16,10 @@ from tests.fuzz.targets import TARGETS
 from tests.support.each_row import each_row
 
 BURST = 40  # cases: half a second; `python -m tests.fuzz` goes on
-KEPT = [path for name in TARGETS for path in cases.findings(name)]
+FINDINGS = [path for name in TARGETS for path in cases.findings(name)]
 
 
-@each_row("path", KEPT, ids=lambda path: f"{path.parent.name}-{path.stem}")
+@each_row("path", FINDINGS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_former_failures_pass(path: Path) -> None:
     assert path.read_text().startswith("# ")
     check(TARGETS[path.parent.name].speaker, cases.read(path), guessing=True)
@@ -29,12 +29,12 @@ def test_former_failures_pass(path: Path) -> None:
 def test_a_short_burst(protocol: str) -> None:
     search = CorpusSearch(protocol, seed=0, captures=False)
     for _ in range(BURST):
-        found = search.step()
-        if found is not None:
-            small, broken = minimised(protocol, *found)
+        results = search.step()
+        if results is not None:
+            small, broken = minimised(protocol, *results)
             pytest.fail(f"{broken}\ncuts {small.cuts}, settings {small.settings}\n{small.data.hex()}")
     assert search.frames > BURST
-    assert {kind for kind, *_ in search.seen} >= {"batch", "reject", "note" if protocol == "idtp" else "text"}
+    assert {kind for kind, *_ in search.visited} >= {"batch", "reject", "note" if protocol == "idtp" else "text"}
 
 
 @each_row("protocol", TARGETS)
@@ -70,8 +70,8 @@ def test_a_faulty_decoder_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
         return frames[:-1] if rejects else frames, rejects
 
     monkeypatch.setattr(type(search.target), "speaker", replace(search.target.speaker, expected=forgetful))
-    found = next(filter(None, (search.step() for _ in range(200))))
-    assert isinstance(found[1], BrokenError)
-    small, broken = minimised("isb", *found, attempts=300)
-    assert broken.kind == found[1].kind == "oracle"
-    assert len(small.data) < len(found[0].data)
+    results = next(filter(None, (search.step() for _ in range(200))))
+    assert isinstance(results[1], BrokenError)
+    small, broken = minimised("isb", *results, attempts=300)
+    assert broken.kind == results[1].kind == "oracle"
+    assert len(small.data) < len(results[0].data)

@@ -20,7 +20,7 @@ from tests.support.each_row import each_row
 FILES = 36  # one of each kind
 REQUESTS = 1  # of every third operation
 TALKS = 5
-ASKED = sorted((FINDINGS / "http").glob("*.json"))
+FOUND_REQUESTS = sorted((FINDINGS / "http").glob("*.json"))
 TALKED = sorted((FINDINGS / "ws").glob("*.json"))
 
 
@@ -43,16 +43,16 @@ def files_search(tmp_path_factory: pytest.TempPathFactory) -> Iterator[files.Fil
 
 def test_a_few_requests(server: http.FuzzedServer) -> None:
     search = http.RequestSearch(server, first=0)
-    broken = [f"{asked}\n{error}" for asked, error in search.step(REQUESTS, quick=True)]
+    broken = [f"{request}\n{error}" for request, error in search.step(REQUESTS, quick=True)]
     assert not broken, "\n\n".join(broken)
     assert len(search.operations) > 50
     assert search.cases > 8
     assert search.statuses.keys() >= {200}
 
 
-@each_row("path", ASKED, ids=lambda path: path.stem)
+@each_row("path", FOUND_REQUESTS, ids=lambda path: path.stem)
 def test_a_request_that_once_broke_something_is_answered(server: http.FuzzedServer, path: Path) -> None:
-    response = server.ask(http.Asked.read(path))
+    response = server.request(http.HttpRequest.read(path))
     http.check_error(response)
     server.check()
     assert response.status_code < 500
@@ -138,10 +138,10 @@ def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: s
     """Regression: the chunk claimed 1 kB, but zstd used its own header, and lz4 had no limit."""
     from imuscope.recordings.mcap.reader import _unpack
 
-    whole = bytes(files.ROOM // 4)
+    whole = bytes(files.MAX_BYTES // 4)
     body = _squeezed(packing, whole)
     assert len(body) < len(whole) // 100
-    with files.bounded(files.ROOM // 8):
+    with files.bounded(files.MAX_BYTES // 8):
         if packing == "zstd":
             with pytest.raises(ValueError, match="another size"):
                 _unpack(packing, body, 1024)

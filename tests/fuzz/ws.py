@@ -62,8 +62,8 @@ class Talk(NamedTuple):
     @staticmethod
     def read(path: Path) -> Talk:
         """One that was kept."""
-        kept = json.loads(path.read_text())
-        return Talk(kept["path"], kept["protocol"], [Step(*step) for step in kept["steps"]])
+        document = json.loads(path.read_text())
+        return Talk(document["path"], document["protocol"], [Step(*step) for step in document["steps"]])
 
 
 # -- what is said ------------------------------------------------------------------------------------------------------
@@ -97,7 +97,7 @@ def _nearly(draw: st.DrawFn) -> Any:
     return request
 
 
-def _said(value: Any) -> str:
+def _text_of(value: Any) -> str:
     return json.dumps(value)  # NaN and Infinity as Python writes them: no JSON, but common
 
 
@@ -109,7 +109,9 @@ _garbage = st.one_of(
          '{"op":"hello"}', "x" * 70_000]
     ),
 )  # fmt: skip
-_words = st.one_of(_pings.map(_said), _subscribes.map(_said), _nearly().map(_said), _anything.map(_said), _garbage)
+_words = st.one_of(
+    _pings.map(_text_of), _subscribes.map(_text_of), _nearly().map(_text_of), _anything.map(_text_of), _garbage
+)
 _torn = st.one_of(
     st.binary(max_size=40),  # frames without a mask, of unknown kinds, of reserved bits
     st.sampled_from(
@@ -182,11 +184,11 @@ class Floor:
         except (InvalidHandshake, OSError):
             client = None  # refused; for the others, missing items are
         if client is not None:
-            code = self._say(client, talk)
+            code = self._talk(client, talk)
             self.ended[code] = self.ended.get(code, 0) + 1
             if code not in ENDS and not (talk.path != "/ws" and code in (1011, 1013)):
                 raise BrokenError("code", f"the connection ended with {code}")
-        self._ask_the_witness()
+        self._check_the_witness()
         self.server.check()
 
     def _connected(self, path: str, protocol: str) -> ClientConnection:
@@ -201,7 +203,7 @@ class Floor:
             ping_interval=None,
         )
 
-    def _say(self, client: ClientConnection, talk: Talk) -> int:
+    def _talk(self, client: ClientConnection, talk: Talk) -> int:
         """Says it; the code with which the connection ended, 1000 where we ended it."""
         torn = False
         try:
@@ -244,7 +246,7 @@ class Floor:
                 return
         raise BrokenError("hang", f"no pong for {PATIENCE_S:g} s, or not among {MOST_BEFORE_PONG} messages")
 
-    def _ask_the_witness(self) -> None:
+    def _check_the_witness(self) -> None:
         try:
             self._pong(self._witness, f"{self.talks}.25")
         except ConnectionClosed as closed:

@@ -34,24 +34,24 @@ def mcap(folder: Path, scratch: Path) -> str:
     imuscope("decode", str(made), "-o", str(out))
     for path in (made, out):
         for line in run([program, "doctor", "--format", "jsonl", str(path)], scratch).splitlines():
-            found = json.loads(line)
-            if found.get("severity") in ("warning", "error"):
+            document = json.loads(line)
+            if document.get("severity") in ("warning", "error"):
                 raise DiffersError(f"{path.name}: {line}")
     whole = made.read_bytes()
     torn.write_bytes(whole[: len(whole) * 3 // 4])
     subprocess.run([program, "recover", str(torn), "-o", str(saved)], cwd=scratch, capture_output=True, check=False)
-    kept, of = (_told(program, path, scratch)["statistics"]["message_count"] for path in (saved, made))
-    if kept < of * 0.6:
-        raise DiffersError(f"of a recording cut at three quarters {kept} of {of} messages were saved")
-    topics = {one["topic"] for one in _told(program, out, scratch)["channels"]}
+    stored, of = (_report_of(program, path, scratch)["statistics"]["message_count"] for path in (saved, made))
+    if stored < of * 0.6:
+        raise DiffersError(f"of a recording cut at three quarters {stored} of {of} messages were saved")
+    topics = {one["topic"] for one in _report_of(program, out, scratch)["channels"]}
     if missing := {"/MTi-680G/attitude", "/MTi-680G/position", "/MTi-680G/Acceleration"} - topics:
         raise DiffersError(f"the export has no {', '.join(sorted(missing))}")
-    return f"nothing wrong; {kept} of {of} messages saved from three quarters of a recording"
+    return f"nothing wrong; {stored} of {of} messages saved from three quarters of a recording"
 
 
-def _told(program: str, path: Path, scratch: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(run([program, "info-json", str(path)], scratch))
-    return found
+def _report_of(program: str, path: Path, scratch: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(run([program, "info-json", str(path)], scratch))
+    return document
 
 
 def rerun(folder: Path, scratch: Path) -> str:
@@ -63,10 +63,10 @@ def rerun(folder: Path, scratch: Path) -> str:
     done = subprocess.run(
         [str(program), "rrd", "verify", str(out)], cwd=scratch, capture_output=True, text=True, timeout=300
     )
-    said = done.stdout + done.stderr
-    if done.returncode or "WARN" in said or "ERROR" in said:
-        raise DiffersError(f"rerun rrd verify ended with {done.returncode}:\n{said[-1500:]}")
-    return said.strip().splitlines()[-1] if said.strip() else "verified"
+    message = done.stdout + done.stderr
+    if done.returncode or "WARN" in message or "ERROR" in message:
+        raise DiffersError(f"rerun rrd verify ended with {done.returncode}:\n{message[-1500:]}")
+    return message.strip().splitlines()[-1] if message.strip() else "verified"
 
 
 def pygnssutils(folder: Path, scratch: Path) -> str:

@@ -36,8 +36,8 @@ def xda(folder: Path, scratch: Path) -> str:
             printed = run([program, port, "115200", str(log)], scratch)
         expect(printed, "accelerations 200 or more")
         (device,) = open_file(log).devices.values()
-        told = next(line for line in printed.splitlines() if line.startswith("id ")).removeprefix("id ")
-        print(f"    {product}: id {told}, log of {log.stat().st_size} bytes, {device.identity.get('product', '')}")
+        report = next(line for line in printed.splitlines() if line.startswith("id ")).removeprefix("id ")
+        print(f"    {product}: id {report}, log of {log.stat().st_size} bytes, {device.identity.get('product', '')}")
     return "six products scanned, configured, measured and logged"
 
 
@@ -74,8 +74,8 @@ def xsens_go(folder: Path, scratch: Path) -> str:
     program = owned("xsens", "the command cmd/xsens of the public repository einride/xsens-go (Go)")
     with simulated("xbus?product=MTi-630&baud=115200", scratch / "imu") as port:
         place = str(Path(port).resolve())
-        told = run([program, "get-output-config", place], scratch)
-        expect(told, "Quaternion(EastNorthUp,Float32):", "Acceleration(Float32):", "100 Hz")
+        report = run([program, "get-output-config", place], scratch)
+        expect(report, "Quaternion(EastNorthUp,Float32):", "Acceleration(Float32):", "100 Hz")
         with subprocess.Popen([program, "read", place], stdout=subprocess.PIPE, text=True) as reading:
             assert reading.stdout is not None
             norms: list[float] = []

@@ -16,12 +16,12 @@ print(f"product {str(device.GetProductCode()).strip()}")
 device.SetOutputConfiguration([(0x1020, 0xFFFF), (0x1060, 0xFFFF), (0x4020, 100)])
 print(f"outputs {[(hex(kind), rate) for kind, rate in device.GetOutputConfiguration()]}")
 device.GoToMeasurement()
-wanted = int(sys.argv[3]) if len(sys.argv) > 3 else 50
-found, counters = 0, []
-while found < wanted:
+expected = int(sys.argv[3]) if len(sys.argv) > 3 else 50
+count, counters = 0, []
+while count < expected:
     measurement = device.read_measurement()
-    found += "Acceleration" in measurement
+    count += "Acceleration" in measurement
     counters.append(measurement["Timestamp"]["PacketCounter"])
-print(f"accelerations {found}")
+print(f"accelerations {count}")
 print(f"gaps {sum((b - a) % 65536 != 1 for a, b in itertools.pairwise(counters))}")
 print(f"groups {XDIGroup.Acceleration:#x}")

@@ -45,16 +45,19 @@ def hiroz(folder: Path, scratch: Path) -> str:
     with running_router(port), ServerProcess(SOURCE, data=scratch / "data", arguments=arguments) as server:
         block_until(lambda: {row["name"] for row in topics(server)} >= set(TOPICS), "the device is announced")
         listen = [program, "listen", f"tcp/127.0.0.1:{port}", "0", str(SECONDS), *TOPICS]
-        seen, samples = asyncio.run(_both(listen, server.url))
+        observed, samples = asyncio.run(_both(listen, server.url))
         block_until(lambda: all(row["subscribers"] == 0 for row in topics(server)), "hiroz is gone")
-    _expect(["imx_5", "/"] in seen["nodes"], f"nodes {seen['nodes']}")
+    _expect(["imx_5", "/"] in observed["nodes"], f"nodes {observed['nodes']}")
     for topic, type_name in TOPICS.items():
-        _expect(seen["topics"].get(topic) == type_name, f"{topic} is {seen['topics'].get(topic)} and not {type_name}")
-        _expect(topic in seen["received"], f"nothing came on {topic}")
-    _expect(not any(seen["lost"].values()), f"lost: {seen['lost']}")
-    raw = seen["received"][RAW]
+        _expect(
+            observed["topics"].get(topic) == type_name,
+            f"{topic} is {observed['topics'].get(topic)} and not {type_name}",
+        )
+        _expect(topic in observed["received"], f"nothing came on {topic}")
+    _expect(not any(observed["lost"].values()), f"lost: {observed['lost']}")
+    raw = observed["received"][RAW]
     _expect(raw["count"] > (SECONDS - 2) * RATE, f"{raw['count']} messages in {SECONDS:g} s")
-    _expect(not any(one["backwards"] for one in seen["received"].values()), "stamps go backwards")
+    _expect(not any(one["backwards"] for one in observed["received"].values()), "stamps go backwards")
     compared = _compare(raw["last"], samples)
     late = np.percentile([(one["at"] - one["stamp"]) / 1e6 for one in raw["last"]], [50, 99])
     ages = f"ages {late[0]:.1f} ms, at most {late[1]:.1f} ms for 99 %"
@@ -89,8 +92,8 @@ async def _both(listen: list[str], url: str) -> tuple[dict[str, Any], dict[str, 
             elif time.monotonic() > end:
                 for frame in decode_samples(message, dtypes):
                     rows = np.column_stack(frame.columns[1:])
-                    found = samples.setdefault(names[frame.channel], {})
-                    found.update({round(row[0] * 1e9): row[1:] for row in rows.tolist() if math.isfinite(row[0])})
+                    result = samples.setdefault(names[frame.channel], {})
+                    result.update({round(row[0] * 1e9): row[1:] for row in rows.tolist() if math.isfinite(row[0])})
     text, _ = await printed
     if process.returncode:
         raise DiffersError(f"hiroz_host ended with {process.returncode}")

@@ -66,9 +66,9 @@ def simulated(device: str, path: Path) -> Iterator[str]:
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
-            said = process.stdout.readline()
+            message = process.stdout.readline()
             if not path.exists():
-                raise DiffersError(f"the simulator did not start: {said}")
+                raise DiffersError(f"the simulator did not start: {message}")
             time.sleep(AWAKE_S)
             yield str(path)
         finally:
@@ -77,9 +77,9 @@ def simulated(device: str, path: Path) -> Iterator[str]:
 
 def expect(printed: str, *lines: str) -> None:
     """DiffersError: one of these lines is not among those that were printed."""
-    found = [line.strip() for line in printed.splitlines()]
+    results = [line.strip() for line in printed.splitlines()]
     for line in lines:
-        if line not in found:
+        if line not in results:
             raise DiffersError(f"{line!r} was expected; printed was:\n{printed[-1500:]}")
 
 
@@ -106,7 +106,7 @@ def owned(program: str, where: str) -> str:
     Raises:
         DiffersError: it is not on PATH.
     """
-    found = shutil.which(program)
-    if found is None:
+    result = shutil.which(program)
+    if result is None:
         raise DiffersError(f"there is no {program!r} on PATH. It is {where}; build or install it as its README says.")
-    return found
+    return result

@@ -41,7 +41,7 @@ class SharedPort:
     server: ServerProcess
     path: Path
 
-    def ask(self, method: str, path: str, body: Any = None) -> Any:
+    def request(self, method: str, path: str, body: Any = None) -> Any:
         """A request to the server's HTTP API."""
         data = None if body is None else json.dumps(body).encode()
         headers = {"content-type": "application/json"}
@@ -51,8 +51,8 @@ class SharedPort:
 
     def device(self) -> dict[str, Any]:
         """The device as the page has it."""
-        found: dict[str, Any] = self.ask("GET", "/devices")[0]
-        return found
+        result: dict[str, Any] = self.request("GET", "/devices")[0]
+        return result
 
     def job(self, action: str, body: Any) -> None:
         """Carry out a job, as the page does.
@@ -60,11 +60,11 @@ class SharedPort:
         Raises:
             DiffersError: it failed.
         """
-        number = self.ask("POST", f"/devices/1/{action}", body)["id"]
+        number = self.request("POST", f"/devices/1/{action}", body)["id"]
         done: list[dict[str, Any]] = []
 
         def is_done() -> bool:
-            done[:] = [one for one in self.ask("GET", "/devices/1/jobs")["done"] if one["id"] == number]
+            done[:] = [one for one in self.request("GET", "/devices/1/jobs")["done"] if one["id"] == number]
             return bool(done)
 
         wait_for(is_done, f"the end of {action}")
@@ -73,7 +73,7 @@ class SharedPort:
 
     def recorded(self) -> tuple[bytes, bytes]:
         """Stop recording; the bytes from the device and to it in the file."""
-        self.ask("POST", "/recordings/stop", {})
+        self.request("POST", "/recordings/stop", {})
         (path,) = (self.server.data / "recordings").glob("*.mcap")
         return chunks(path), chunks(path, "tx/1")
 
@@ -133,15 +133,15 @@ def _equal_from(ours: list[bytes], theirs: list[bytes]) -> int:
 
 def measurements(data: bytes) -> list[bytes]:
     """The MTData2 messages of a stream, or of a log."""
-    found, at = [], 0
+    result, at = [], 0
     while (at := data.find(MTDATA2, at)) >= 0:
         end = at + 5 + data[at + 3] if len(data) > at + 3 else len(data) + 1
         if end <= len(data) and not sum(data[at + 1 : end]) & 0xFF:
-            found.append(data[at:end])
+            result.append(data[at:end])
             at = end
         else:
             at += 1
-    return found
+    return result
 
 
 def xda_shared(_: Path, scratch: Path) -> str:
@@ -151,7 +151,9 @@ def xda_shared(_: Path, scratch: Path) -> str:
     with shared("xbus?product=MTi-630", 115_200, scratch, path) as here:
         printed = run([program, str(path), "115200", str(log)], scratch)
         expect(printed, "accelerations 200 or more")
-        names = {one["text"] for one in here.ask("GET", "/devices/1/traffic?limit=2000") if one["direction"] == "tx"}
+        names = {
+            one["text"] for one in here.request("GET", "/devices/1/traffic?limit=2000") if one["direction"] == "tx"
+        }
         if not any("xda_host" in name for name in names):
             raise DiffersError(f"the traffic log does not name xda_host: {sorted(names)}")
         here.job("run", {"command": "GoToMeasurement", "values": {}})
@@ -189,22 +191,22 @@ def xsens_go_shared(_: Path, scratch: Path) -> str:
         here.job("apply", {"changes": {"LocationID": {"location_id": 7}}})
         with subprocess.Popen([program, "read", place], stdout=subprocess.PIPE, text=True) as reading:
             assert reading.stdout is not None
-            found = sum(line.strip() == "Acceleration" for line, _ in zip(reading.stdout, range(4000), strict=False))
+            result = sum(line.strip() == "Acceleration" for line, _ in zip(reading.stdout, range(4000), strict=False))
             reading.terminate()
-    if found < 100:
-        raise DiffersError(f"{found} accelerations of 100 or more")
-    return f"outputs read, {found} accelerations"
+    if result < 100:
+        raise DiffersError(f"{result} accelerations of 100 or more")
+    return f"outputs read, {result} accelerations"
 
 
 def packets(data: bytes) -> list[bytes]:
     """The ISB packets of a stream, or of a raw log."""
-    found, at = [], 0
+    result, at = [], 0
     while at < len(data):
         size = frame_size(data, at)
         if size > 0 and at + size <= len(data):
-            found.append(data[at : at + size])
+            result.append(data[at : at + size])
         at += max(1, size)
-    return found
+    return result
 
 
 def cltool_shared(_: Path, scratch: Path) -> str:

@@ -25,7 +25,7 @@ from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.server.links.simulated_device import SimulatorOptions
 from imuscope.server.links.simulated_line import LineFaults
 from imuscope.server.links.simulator import SimulatorThread
-from tests.fault_injection.busy_page import ListeningDevice, heard_by, open_a_page, record
+from tests.fault_injection.busy_page import ListeningDevice, open_a_page, received_by, record
 from tests.interop.hosts import MTDEVICE
 from tests.interop.running import HERE, DiffersError, expect, owned, run
 from tests.interop.shared_port import LASTS_S, measurements, wait_for
@@ -36,7 +36,7 @@ from tests.support.server_process import ServerProcess
 BAUD = 115_200
 RUNS = 2  # of the server; it is killed after each
 RECORDINGS = 8  # in each of them
-LOOK_S = 0.05
+CHECK_S = 0.05
 
 
 class Relay(threading.Thread):
@@ -60,7 +60,7 @@ class Relay(threading.Thread):
     def run(self) -> None:
         other = {self._master: self._share, self._share: self._master}
         while not self._stopped.is_set():
-            for fd in select.select(tuple(other), (), (), LOOK_S)[0]:
+            for fd in select.select(tuple(other), (), (), CHECK_S)[0]:
                 data = os.read(fd, 4096)
                 if fd == self._master:
                     self.written += data
@@ -121,7 +121,7 @@ def undisturbed(product: str, scratch: Path, host: Callable[[str, int], None]) -
                 if logger is None:
                     wait_for(share.exists, "the share")
                     logger = socket.create_connection(("127.0.0.1", logging), LASTS_S)  # somebody is always there
-                    before = len(heard_by(device))
+                    before = len(received_by(device))
                 with Relay(share) as relay, _beside(lambda: host(relay.path, runs)) as has_ended:  # noqa: B023
                     runs += 1
                     done = 0
@@ -132,16 +132,16 @@ def undisturbed(product: str, scratch: Path, host: Callable[[str, int], None]) -
                     server.process.kill()
                     server.process.wait(LASTS_S)
                     expected = len(written) + len(relay.written)
-                    wait_for(lambda: len(heard_by(device)) - before >= expected, "its last frames")  # noqa: B023
+                    wait_for(lambda: len(received_by(device)) - before >= expected, "its last frames")  # noqa: B023
                 written += relay.written
     assert logger is not None
     logger.close()
-    heard = heard_by(device)[before:]
-    if heard != written:
-        at = next((n for n, (a, b) in enumerate(zip(heard, written, strict=False)) if a != b), len(written))
+    received = received_by(device)[before:]
+    if received != written:
+        at = next((n for n, (a, b) in enumerate(zip(received, written, strict=False)) if a != b), len(written))
         raise DiffersError(
-            f"the device was sent {len(heard)} B, the program wrote {len(written)} B; they differ from byte {at}: "
-            f"{heard[at : at + 20].hex(' ')} in place of {written[at : at + 20].hex(' ')}"
+            f"the device was sent {len(received)} B, the program wrote {len(written)} B; they differ from byte {at}: "
+            f"{received[at : at + 20].hex(' ')} in place of {written[at : at + 20].hex(' ')}"
         )
     return f"{runs} runs, {len(written)} B from the program, 0 B from anybody else, no gap"
 

@@ -114,17 +114,17 @@ Format = list[Any]  # [name, struct code, count, offset]
 
 def values(fields: list[Format], payload: bytes) -> dict[str, list[Any]]:
     """Every leaf of a structure that is completely in the payload: numbers, or text without trailing zeros."""
-    found: dict[str, list[Any]] = {}
+    results: dict[str, list[Any]] = {}
     for name, code, count, offset in fields:
         size = struct.calcsize("<" + code)
         if offset + size * count > len(payload):
             continue
         raw = payload[offset : offset + size * count]
         if code == "s":
-            found[name] = [raw.rstrip(b"\0").decode("latin-1")]
+            results[name] = [raw.rstrip(b"\0").decode("latin-1")]
         else:
-            found[name] = [struct.unpack("<" + code, raw[i : i + size])[0] for i in range(0, len(raw), size)]
-    return found
+            results[name] = [struct.unpack("<" + code, raw[i : i + size])[0] for i in range(0, len(raw), size)]
+    return results
 
 
 def formats(facts: dict[str, Any]) -> dict[str, Any]:

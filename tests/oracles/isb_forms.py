@@ -53,9 +53,9 @@ def _raw(facts: dict[str, Any]) -> Iterator[dict[str, Any]]:
                 _leaves(one, one["name"], 0, leaves)
             count = OBSERVATIONS if kind == 1 else 1
             payload = bytes([1, kind, count if kind == 1 else 0, 0]) + ramp(leaves, row["size"]) * count
-            said = values(leaves, payload[RAW_HEAD:])
+            message = values(leaves, payload[RAW_HEAD:])
             yield {
-                **{"form": "raw", "did": int(did), "kind": kind, "struct": name, "count": count, "values": said},
+                **{"form": "raw", "did": int(did), "kind": kind, "struct": name, "count": count, "values": message},
                 "packet": build(4, int(did), payload),
             }
 
@@ -86,11 +86,11 @@ def _lost(
         other = other or ("name" in change and None in change.get("size", ()))
         if change.get("kind") == "layout":
             names = [*change["moved"], *change["added" if at <= now else "removed"]]
-            found = {renamed.get(name, name) for name in names}
+            results = {renamed.get(name, name) for name in names}
             if any(len(change[kind]) >= LISTED for kind in ("removed", "added", "moved")):
-                first = min(order.index(name) for name in found if name in order)
-                found |= set(order[first:])
-            lost |= found
+                first = min(order.index(name) for name in results if name in order)
+                results |= set(order[first:])
+            lost |= results
         elif change.get("kind") == "rename only":
             renamed |= {old: renamed.get(new, new) for old, new in zip(change["removed"], change["added"], strict=True)}
     return lost, other
@@ -102,21 +102,21 @@ def _firmware(rows: dict[str, Any], facts: dict[str, Any]) -> Iterator[dict[str,
     changes = {str(one["did"]): one["changes"] for one in facts["changes"]}
     for did, by_version in facts["sizes"].items():
         row = rows.get(did)
-        seen: set[tuple[int, frozenset[str]]] = set()
+        visited: set[tuple[int, frozenset[str]]] = set()
         for version in reversed(versions):
             size = by_version.get(version, {}).get("size")
             if row is None or size is None or not row["fields"]:
                 continue
             order = list(dict.fromkeys(one[0].partition("[")[0] for one in row["fields"]))
             lost, other = _lost(changes.get(did, []), versions, version, present, order)
-            if version == present or (size == row["size"] and not lost) or (size, frozenset(lost)) in seen:
+            if version == present or (size == row["size"] and not lost) or (size, frozenset(lost)) in visited:
                 continue
-            seen.add((size, frozenset(lost)))
+            visited.add((size, frozenset(lost)))
             payload = (ramp(row["fields"], row["size"]) + bytes(size))[:size]
             if did in DEVICE_INFOS:
                 numbers = bytes(int(word) for word in version.split("."))
                 payload = payload[:FIRMWARE_AT] + numbers + payload[FIRMWARE_AT + len(numbers) :]
-            kept = [] if other else [one for one in row["fields"] if not _is_lost(one[0], lost)]
+            entries = [] if other else [one for one in row["fields"] if not _is_lost(one[0], lost)]
             yield {
                 **{
                     "form": "firmware",
@@ -124,7 +124,7 @@ def _firmware(rows: dict[str, Any], facts: dict[str, Any]) -> Iterator[dict[str,
                     "version": "next" if version == NEXT else version,
                     "size": size,
                 },
-                **{"values": values(kept, payload), "packet": build(4, int(did), payload)},
+                **{"values": values(entries, payload), "packet": build(4, int(did), payload)},
             }
 
 
@@ -136,12 +136,12 @@ def main() -> None:
     """Write the golden file from the facts."""
     facts, versions = (json.loads(Path(name).read_text()) for name in sys.argv[1:3])
     rows = formats(facts)
-    found = [*_packets(), *_raw(facts), *_velocities(rows), *_firmware(rows, versions)]
+    results = [*_packets(), *_raw(facts), *_velocities(rows), *_firmware(rows, versions)]
     lines = [
         json.dumps(
             {**{k: v for k, v in one.items() if k != "packet"}, "source": "computed", "packet_hex": one["packet"].hex()}
         )
-        for one in found
+        for one in results
     ]
     (GOLDEN / "forms.json").write_text("[\n" + ",\n".join(lines) + "\n]\n")
 

@@ -59,7 +59,7 @@ def _candidate(data: bytes) -> bytes | str:
 
 def values(packet: bytes) -> dict[str, list[Any]] | None:
     """Numbers by name; None where a field is not known, or is there twice."""
-    found: dict[str, list[Any]] = {}
+    results: dict[str, list[Any]] = {}
     at = 4
     while at < len(packet) - 2:
         size, descriptor = packet[at], packet[at + 1]
@@ -68,9 +68,9 @@ def values(packet: bytes) -> dict[str, list[Any]] | None:
             return None
         place = at + 2
         for name, kind in rows:
-            if name in found:
+            if name in results:
                 return None
-            found[name] = list(struct.unpack_from(">" + kind, packet, place))
+            results[name] = list(struct.unpack_from(">" + kind, packet, place))
             place += struct.calcsize(">" + kind)
         at += size
-    return found
+    return results

@@ -120,9 +120,9 @@ class ArmMachine:
     def _install(self) -> None:
         """Install the packages that imuscope needs."""
         uv = [sys.executable, "-m", "uv"]
-        wanted = self.folder / "requirements.txt"
+        expected = self.folder / "requirements.txt"
         export = ("export", "-q", "--no-dev", "--no-group", "complete", "--no-emit-project", "--no-hashes")
-        self._call([*uv, *export, "-o", str(wanted)], ROOT)
+        self._call([*uv, *export, "-o", str(expected)], ROOT)
         where = ("--target", str(self.folder / "packages"), "--python-platform", "aarch64-manylinux_2_36")
         self._call(
             [
@@ -136,7 +136,7 @@ class ArmMachine:
                 "--only-binary",
                 ":all:",
                 "-r",
-                str(wanted),
+                str(expected),
             ],
             ROOT,
         )

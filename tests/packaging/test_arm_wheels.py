@@ -38,10 +38,10 @@ def pythons() -> list[tuple[int, int]]:
     """Supported versions of Python: those of the classifiers."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     versions = [line.rsplit(" ", 1)[1] for line in project["classifiers"] if line.startswith("Programming Language")]
-    found = [(3, int(version.removeprefix("3."))) for version in versions if version.startswith("3.")]
-    assert found
-    assert all(SpecifierSet(project["requires-python"]).contains(f"{x}.{y}") for x, y in found)
-    return found
+    results = [(3, int(version.removeprefix("3."))) for version in versions if version.startswith("3.")]
+    assert results
+    assert all(SpecifierSet(project["requires-python"]).contains(f"{x}.{y}") for x, y in results)
+    return results
 
 
 def needed(python: tuple[int, int], lock: Sequence[Package]) -> dict[str, Package]:
@@ -62,15 +62,15 @@ def needed(python: tuple[int, int], lock: Sequence[Package]) -> dict[str, Packag
         return "marker" not in row or Marker(row["marker"]).evaluate({**machine, "extra": ""})
 
     def of(row: Package) -> Package:
-        (found,) = (
+        (results,) = (
             package
             for package in lock
             if package["name"] == row["name"] and row.get("version", package["version"]) == package["version"]
         )
-        return found
+        return results
 
     (program,) = (package for package in lock if package["name"] == "imuscope")
-    found = {name: package for package in lock if (name := package["name"]) in (NODE, COMPILER)}
+    results = {name: package for package in lock if (name := package["name"]) in (NODE, COMPILER)}
     todo = [(program, ("all",))]
     while todo:
         package, extras = todo.pop()
@@ -79,10 +79,10 @@ def needed(python: tuple[int, int], lock: Sequence[Package]) -> dict[str, Packag
             rows += package.get("optional-dependencies", {}).get(extra, ())
         for row in filter(is_wanted, rows):
             key = f"{row['name']} {of(row)['version']} {row.get('extra', '')}"
-            if key not in found:
-                found[key] = of(row)
+            if key not in results:
+                results[key] = of(row)
                 todo.append((of(row), tuple(row.get("extra", ()))))
-    return found
+    return results
 
 
 def tags(python: tuple[int, int], glibc: int) -> set[Tag]:
@@ -113,7 +113,7 @@ def test_nothing_is_compiled_on_arm(python: tuple[int, int], glibc: int) -> None
     assert missing == [], "no wheel for aarch64: lock another version, or say in WITHOUT what follows"
 
 
-def test_the_whole_installation_is_looked_at() -> None:
+def test_the_whole_installation_is_examined() -> None:
     names = {package["name"] for package in needed((3, 11), _lock()).values()}
     assert {"numpy", "pydantic-core", "pyarrow", "eclipse-zenoh", "deltalake", "requests", NODE, COMPILER} <= names
     assert not names & {"pytest", "ruff", "playwright", "colorama"}

@@ -82,8 +82,8 @@ def test_it_starts_beside_others_of_the_same_names(
     installed: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
     where = [sys.executable, "-c", "import imuscope.plugin as p; p.ProtocolInfo; print(p.__file__)"]
-    found = subprocess.check_output(where, env=environment, cwd=tmp_path, text=True, timeout=PATIENCE_S)
-    assert Path(found.strip()).is_relative_to(installed)
+    result = subprocess.check_output(where, env=environment, cwd=tmp_path, text=True, timeout=PATIENCE_S)
+    assert Path(result.strip()).is_relative_to(installed)
     module = [sys.executable, "-m", "imuscope"]
     version = subprocess.check_output([*module, "--version"], env=environment, cwd=tmp_path / "robot", text=True)
     commit = (installed / "imuscope" / "server" / COMMIT_FILE).read_text().strip()

@@ -19,11 +19,11 @@ DOCUMENTS = sorted((ROOT / "docs").glob("add-*.md"))
 
 def test_every_public_name_is_there_and_documented() -> None:
     for name, module in imuscope.plugin.public_names().items():
-        found = getattr(imuscope.plugin, name)
-        assert found is getattr(import_module(module), name)
+        result = getattr(imuscope.plugin, name)
+        assert result is getattr(import_module(module), name)
         assert name in dir(imuscope.plugin)
-        if isinstance(found, type):
-            assert (found.__doc__ or "").strip(), f"{module}.{name} has no docstring"
+        if isinstance(result, type):
+            assert (result.__doc__ or "").strip(), f"{module}.{name} has no docstring"
 
 
 def test_a_name_that_is_not_public_is_refused() -> None:
@@ -40,8 +40,8 @@ def test_plug_ins_and_documents_use_public_names_only() -> None:
     ]
     for path in DOCUMENTS:
         code = re.findall(r"^```python\n(.*?)^```", path.read_text(), re.M | re.S)
-        found = [name for block in code for name in re.findall(r"^from (imuscope(?:\.[\w.]+)?) import", block, re.M)]
-        wrong += [f"{path.name} imports {name}" for name in found if name != "imuscope.plugin"]
+        matches = [name for block in code for name in re.findall(r"^from (imuscope(?:\.[\w.]+)?) import", block, re.M)]
+        wrong += [f"{path.name} imports {name}" for name in matches if name != "imuscope.plugin"]
     assert not wrong, "\n".join(wrong)
 
 
@@ -61,9 +61,9 @@ def test_a_plug_in_of_another_version_is_refused_before_it_is_imported(
         (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: imuscope-{name}\nVersion: 3.1\n")
         (about / "entry_points.txt").write_text(f"[{group}]\n{name} = no_such_module:FAMILY\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    found = [one for one in plugins_of_others(plugins.GROUP) if one.name in ("later", "present")]
-    assert [(one.name, one.api) for one in found] == [("later", 2), ("present", API_VERSION)]
-    assert load_families(found) == (
+    results = [one for one in plugins_of_others(plugins.GROUP) if one.name in ("later", "present")]
+    assert [(one.name, one.api) for one in results] == [("later", 2), ("present", API_VERSION)]
+    assert load_families(results) == (
         {},
         [
             "The protocol 'later' of imuscope-later 3.1 cannot be used: it is written for version 2 of the plug-in "
@@ -74,7 +74,7 @@ def test_a_plug_in_of_another_version_is_refused_before_it_is_imported(
     )
 
 
-def test_an_earlier_plug_in_is_told_to_be_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_earlier_plug_in_is_refused_with_the_advice_to_renew_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "API_VERSION", 2)
     with pytest.raises(ValueError, match="Install a newer imuscope-mip"):
         ProtocolPlugin("mip", "imuscope_mip:FAMILY", "imuscope-mip 0.1.0", 1).check()

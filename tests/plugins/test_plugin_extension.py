@@ -125,17 +125,17 @@ def renamed(site: Path, folder: Path, name: str) -> Path:
 
 def test_those_that_fail_when_they_are_used_stop_nothing(site: Path, tmp_path: Path) -> None:
     """An import error in a package of others ended every command."""
-    said = {"open": "its route /figures/open needs no token; put it below /api"}
+    texts = {"open": "its route /figures/open needs no token; put it below /api"}
     for name, broken in (("one", "counter.py"), ("two", "routes.py"), ("three", "command.py")):
         (renamed(site, tmp_path / "site", name) / broken).write_text("raise RuntimeError('of the package')\n")
-        said[name] = "RuntimeError: of the package."
+        texts[name] = "RuntimeError: of the package."
     routes = renamed(site, tmp_path / "site", "open") / "routes.py"
     routes.write_text(routes.read_text().replace('prefix="/api"', 'prefix="/figures"'))
     with finding(tmp_path / "site"), ServerProcess("sim:xbus", data=tmp_path / "data", fresh=True) as server:
-        for name, words in said.items():
+        for name, words in texts.items():
             sentence = f"The extension '{name}' of imuscope-{name} 1.0 cannot be used: {words}"
             block_until(lambda: sentence in server.log, sentence)  # noqa: B023
-        assert server.ask("GET", "/api/devices")
+        assert server.request("GET", "/api/devices")
         assert status_of(f"{server.url}/figures/open") == 404, "anyone could use it without a token"
 
 
@@ -149,7 +149,7 @@ def test_doctor_names_what_cannot_be_used(site: Path, tmp_path: Path) -> None:
     )
 
 
-def test_what_cannot_be_used_says_why_and_stops_nothing() -> None:
+def test_what_cannot_be_used_gives_the_reason_and_stops_nothing() -> None:
     plugins = [
         ProtocolPlugin("gone", "imuscope_of_nobody:EXTENSION", "imuscope-gone 1.0"),
         ProtocolPlugin("other", "json:loads", "imuscope-other 1.0"),
@@ -157,8 +157,8 @@ def test_what_cannot_be_used_says_why_and_stops_nothing() -> None:
         ProtocolPlugin("viser", "imuscope.server.extensions.viser:EXTENSION"),
         ProtocolPlugin("fleet", "imuscope.server.extensions.fleet:EXTENSION"),
     ]
-    found, problems, _ = load_extensions(plugins)
-    assert [one.name for one in found] == ["viser"]
+    results, problems, _ = load_extensions(plugins)
+    assert [one.name for one in results] == ["viser"]
     assert problems == [
         "The extension 'gone' of imuscope-gone 1.0 cannot be used: ModuleNotFoundError: No module named "
         "'imuscope_of_nobody'.",

@@ -89,17 +89,17 @@ def server(own: ForkServer | None, tmp_path_factory: pytest.TempPathFactory) -> 
 def run(own: ForkServer | None) -> Run:
     """Output of `imuscope WORDS` in a new process that has found the package."""
 
-    def run(*words: str, given: str = "") -> str:
-        done = imuscope(*words, given=given.encode(), fresh=own is None, by=own)
+    def run(*words: str, stdin: str = "") -> str:
+        done = imuscope(*words, stdin=stdin.encode(), fresh=own is None, by=own)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
     return run
 
 
-def eventually(look: Callable[[], Any]) -> Any:
+def eventually(check: Callable[[], Any]) -> Any:
     """Result of `look` once it is true."""
-    return block_until(look, "a result")
+    return block_until(check, "a result")
 
 
 @each_row("vector", VECTORS, ids=lambda vector: f"{vector['of']}, {vector['from']}")
@@ -117,24 +117,26 @@ def test_packets_of_others_are_read_and_made_again(family: ProtocolInfo, vector:
 def test_it_is_shown_live_and_identified(server: ServerProcess) -> None:
     device = eventually(
         lambda: next(
-            (one for one in server.ask("GET", "/api/devices") if one["product"] and one["status"] == "live"), None
+            (one for one in server.request("GET", "/api/devices") if one["product"] and one["status"] == "live"), None
         )
     )
     assert (device["protocol"], device["product"]) == ("mip", "3DM-GX5-45")
     assert (device["serial_number"], device["firmware"]) == ("6251.70000", "1.1.21")
-    [told] = [one for one in server.ask("GET", "/api/capabilities")["protocols"] if one["name"] == "mip"]
-    assert (told["short"], told["simulator"], told["plots"][0]) == ("MIP", True, "Acceleration")
+    [report] = [one for one in server.request("GET", "/api/capabilities")["protocols"] if one["name"] == "mip"]
+    assert (report["short"], report["simulator"], report["plots"][0]) == ("MIP", True, "Acceleration")
     channels: set[str] = set()
     with connect(f"{server.url.rstrip('/').replace('http', 'ws', 1)}/ws", subprotocols=["imuscope.v1"]) as connection:  # type: ignore[list-item]
         while not channels >= {"Acceleration", "RateOfTurn", "Quaternion", "LatLon"}:
             text = connection.recv(PATIENCE_S)
-            if isinstance(text, str) and (said := json.loads(text))["op"] == "channels":
-                channels |= {one["name"] for one in said["channels"]}
+            if isinstance(text, str) and (message := json.loads(text))["op"] == "channels":
+                channels |= {one["name"] for one in message["channels"]}
 
 
 def test_its_frames_are_shown_byte_by_byte(server: ServerProcess) -> None:
-    [held] = eventually(lambda: [one for one in server.ask("GET", "/api/recorder/memory") if one["t1"] - one["t0"] > 1])
-    view = server.ask("GET", f"/api/devices/1/frames?time={held['t1'] - 0.5}&kind=frame")
+    [held] = eventually(
+        lambda: [one for one in server.request("GET", "/api/recorder/memory") if one["t1"] - one["t0"] > 1]
+    )
+    view = server.request("GET", f"/api/devices/1/frames?time={held['t1'] - 0.5}&kind=frame")
     frame = view["packets"][view["at"]]
     assert (view["protocol"], frame["hex"][:4]) == ("mip", "7565")
     assert [part["label"] for part in frame["spans"]][:1] == ["sync"]
@@ -145,28 +147,28 @@ def test_its_frames_are_shown_byte_by_byte(server: ServerProcess) -> None:
 
 
 def test_a_setting_is_written_and_read_back_on_the_page(server: ServerProcess) -> None:
-    eventually(lambda: [one for one in server.ask("GET", "/api/devices") if one["status"] == "live"])
-    forms = server.ask("GET", "/api/devices/1/forms")
+    eventually(lambda: [one for one in server.request("GET", "/api/devices") if one["status"] == "live"])
+    forms = server.request("GET", "/api/devices/1/forms")
     assert [setting["name"] for setting in forms["settings"]] == [SETTING]
-    wanted = {"roll": 0.5, "pitch": -0.25, "yaw": 1.0}
-    server.ask("POST", "/api/devices/1/apply", {"changes": {SETTING: wanted}, "confirmed": True})
-    eventually(lambda: server.ask("GET", "/api/devices/1/values")["values"].get(SETTING) == wanted)
+    expected = {"roll": 0.5, "pitch": -0.25, "yaw": 1.0}
+    server.request("POST", "/api/devices/1/apply", {"changes": {SETTING: expected}, "confirmed": True})
+    eventually(lambda: server.request("GET", "/api/devices/1/values")["values"].get(SETTING) == expected)
 
 
 def test_an_option_of_its_own_is_offered_wherever_options_are(server: ServerProcess, run: Run) -> None:
-    [told] = [one for one in server.ask("GET", "/api/capabilities")["protocols"] if one["name"] == "mip"]
-    [offered] = told["options"]
+    [report] = [one for one in server.request("GET", "/api/capabilities")["protocols"] if one["name"] == "mip"]
+    [offered] = report["options"]
     assert (offered["name"], offered["kind"], offered["default"]) == ("timestamps", "choice", "device")
     assert [choice["value"] for choice in offered["choices"]] == ["device", "arrival"]
-    fields = server.ask("GET", "/openapi.json")["components"]["schemas"]["AddDeviceRequest"]["properties"]
+    fields = server.request("GET", "/openapi.json")["components"]["schemas"]["AddDeviceRequest"]["properties"]
     assert fields["timestamps"]["enum"] == ["", "device", "arrival"]
     assert "--timestamps {device,arrival}" in run("decode", "--help")
     assert "timestamps=" in run("serve", "--help")
-    changed = server.ask("POST", "/api/devices/1/decode-options", {"timestamps": "arrival"})
+    changed = server.request("POST", "/api/devices/1/decode-options", {"timestamps": "arrival"})
     assert changed["decode_options"] == {"timestamps": "arrival"}
     with pytest.raises(HTTPError, match="422"):
-        server.ask("POST", "/api/devices/1/decode-options", {"timestamps": "moon"})
-    assert server.ask("POST", "/api/devices/1/decode-options", {"timestamps": ""})["decode_options"] == {}
+        server.request("POST", "/api/devices/1/decode-options", {"timestamps": "moon"})
+    assert server.request("POST", "/api/devices/1/decode-options", {"timestamps": ""})["decode_options"] == {}
 
 
 def test_its_decoder_has_the_option_of_a_source_and_of_a_recording(
@@ -178,8 +180,8 @@ def test_its_decoder_has_the_option_of_a_source_and_of_a_recording(
     for text, timed in (("device", True), ("arrival", False), ("", True)):
         decoder = family.decoding.decoder(**family.settings({"timestamps": text}))
         decoder.feed(sent, 0)
-        found = [event for event in decoder.drain() if isinstance(event, Batch)]
-        assert {batch.time_ns is not None for batch in found} == {timed}
+        results = [event for event in decoder.drain() if isinstance(event, Batch)]
+        assert {batch.time_ns is not None for batch in results} == {timed}
     path = tmp_path / "by_arrival.mcap"
     run("record", "sim:mip?rate=50&timestamps=arrival", "-o", str(path), "--duration", "1")
     [recorded] = open_file(path).devices.values()
@@ -196,7 +198,7 @@ def recording(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_it_is_recorded_inspected_composed_and_exported(run: Run, recording: Path, tmp_path: Path) -> None:
     lines = run("inspect", str(recording), "--format", "jsonl")
-    frames = bytes.fromhex("".join(run("compose", "--jsonl", "-", given=lines).split()))
+    frames = bytes.fromhex("".join(run("compose", "--jsonl", "-", stdin=lines).split()))
     run("decode", str(recording), "-o", str(tmp_path / "out.bin"))
     assert frames in (tmp_path / "out.bin").read_bytes()
     assert len(frames) > 50 * 146
@@ -227,14 +229,14 @@ def test_the_simulated_device_stands_level(family: ProtocolInfo) -> None:
 
 
 def test_a_setting_is_sent_from_the_command_line(run: Run) -> None:
-    _, kept = map(json.loads, run("send", "sim:mip", f"Write{SETTING}", "roll=0.5", "pitch=0", "yaw=0").splitlines())
-    assert kept == {"setting": SETTING, "fields": {"roll": 0.5, "pitch": 0.0, "yaw": 0.0}}
+    _, stored = map(json.loads, run("send", "sim:mip", f"Write{SETTING}", "roll=0.5", "pitch=0", "yaw=0").splitlines())
+    assert stored == {"setting": SETTING, "fields": {"roll": 0.5, "pitch": 0.0, "yaw": 0.0}}
 
 
 def test_a_package_that_cannot_be_loaded_is_reported_and_stops_nothing(server: ServerProcess) -> None:
-    said = [line for line in server.lines if BROKEN in line]
-    assert len(said) == 1, server.lines
-    assert "cannot be used" in said[0]
+    texts = [line for line in server.lines if BROKEN in line]
+    assert len(texts) == 1, server.lines
+    assert "cannot be used" in texts[0]
 
 
 def test_duplicate_names_and_invalid_families() -> None:

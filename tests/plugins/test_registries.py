@@ -158,13 +158,13 @@ def test_the_command_line_lists_the_link(run: Callable[..., str]) -> None:
     assert "  repeat:HEX                      the same bytes, over and over\n" in shown
 
 
-def test_the_server_offers_both_and_the_page_is_told(server: ServerProcess) -> None:
-    told = server.ask("GET", "/api/capabilities")
-    [names] = [one for one in told["exports"] if one["name"] == "names"]
+def test_the_server_offers_both_and_the_page_lists_them(server: ServerProcess) -> None:
+    report = server.request("GET", "/api/capabilities")
+    [names] = [one for one in report["exports"] if one["name"] == "names"]
     assert (names["title"], names["words"], names["single"]) == ("Names", "names of the channels", False)
-    [repeat] = [one for one in told["links"] if one["name"] == "repeat"]
+    [repeat] = [one for one in report["links"] if one["name"] == "repeat"]
     assert repeat["examples"] == [{"source": "repeat:00", "words": "a zero, over and over"}]
-    assert [one["name"] for one in told["exports"]][-1] == "names", "behind those that come with imuscope"
+    assert [one["name"] for one in report["exports"]][-1] == "names", "behind those that come with imuscope"
 
 
 def test_the_command_line_lists_and_runs_the_analysis(run: Callable[..., str], tmp_path: Path) -> None:
@@ -176,11 +176,11 @@ def test_the_command_line_lists_and_runs_the_analysis(run: Callable[..., str], t
 
 
 def test_the_server_runs_the_analysis(server: ServerProcess) -> None:
-    assert [one["name"] for one in server.ask("GET", "/api/analysis")] == [
+    assert [one["name"] for one in server.request("GET", "/api/analysis")] == [
         *("statistics", "histogram", "expression", "intervals", "psd", "spectrogram", "allan"),
         "above",
     ]
-    block_until(lambda: server.ask("GET", "/api/devices")[0]["status"] == "live", "a live device")
+    block_until(lambda: server.request("GET", "/api/devices")[0]["status"] == "live", "a live device")
     body = json.dumps({"source": "1", "signals": ["PacketCounter"], "options": {"level": -1}}).encode()
     request = urllib.request.Request(
         f"{server.url.rstrip('/')}/api/analysis/above", body, {"content-type": "application/json"}
@@ -193,27 +193,27 @@ def test_the_server_runs_the_analysis(server: ServerProcess) -> None:
         except urllib.error.HTTPError:
             return None  # no samples yet
 
-    [found] = block_until(figures, "figures of the live device")
-    assert found["figures"]["share"] == 1.0
-    assert found["units"] == {"first": "s"}
+    [result] = block_until(figures, "figures of the live device")
+    assert result["figures"]["share"] == 1.0
+    assert result["units"] == {"first": "s"}
 
 
 def test_a_device_is_live_over_the_link(server: ServerProcess) -> None:
 
     def device() -> Any:
-        return next((one for one in server.ask("GET", "/api/devices") if one["status"] == "live"), None)
+        return next((one for one in server.request("GET", "/api/devices") if one["status"] == "live"), None)
 
-    found = block_until(device, "a live device")
-    assert (found["link"], found["protocol"]) == ("repeat", "xbus")
+    result = block_until(device, "a live device")
+    assert (result["link"], result["protocol"]) == ("repeat", "xbus")
 
 
 def test_unloadable_plugins_are_reported(server: ServerProcess) -> None:
-    [said] = [line for line in server.lines if "imuscope_gone" in line]
-    assert "The link 'broken' of imuscope-more 1 cannot be used" in said
+    [message] = [line for line in server.lines if "imuscope_gone" in line]
+    assert "The link 'broken' of imuscope-more 1 cannot be used" in message
 
 
 def test_a_name_is_given_once() -> None:
-    def nothing(*given: Any) -> Any:
+    def nothing(*case: Any) -> Any:
         raise AssertionError
 
     assert {one.name for one in link_kinds()} >= {"serial", "udp"}

@@ -36,12 +36,12 @@ def column(events: Iterable[Event], name: str, message: str | int | None = None)
     Args:
         message: name or number; None for any.
     """
-    found = [
+    results = [
         event
         for event in events
         if isinstance(event, Batch)
         and name in event.columns
         and (message is None or message in (event.message.id, event.message.name))
     ]
-    values = np.concatenate([batch.columns[name] for batch in found])
-    return values[np.argsort(np.concatenate([batch.offset for batch in found]), kind="stable")]
+    values = np.concatenate([batch.columns[name] for batch in results])
+    return values[np.argsort(np.concatenate([batch.offset for batch in results]), kind="stable")]

@@ -63,12 +63,12 @@ class ProtocolCase:
 
 def xbus_expected(data: bytes) -> Expected:
     """Frames and failed candidates, as the oracle sees them: MTData2 as values by name, others as their number."""
-    found = oracle.scan(data, final=True)
+    results = oracle.scan(data, final=True)
     frames = [
         (frame.offset, canonical_values(oracle.mtdata2(frame.payload)[0]) if frame.mid == 0x36 else frame.mid)
-        for frame in found.frames
+        for frame in results.frames
     ]
-    return frames, found.rejects
+    return frames, results.rejects
 
 
 # -- ISB ---------------------------------------------------------------------------------------------------------------
@@ -76,8 +76,8 @@ def xbus_expected(data: bytes) -> Expected:
 
 def isb_expected(data: bytes) -> Expected:
     """Packets and failed candidates according to the oracle; unknown data sets as values."""
-    found = isb_oracle.scan(data, final=True)
-    return [(one.offset, isb_values(one)) for one in found.packets], found.rejects
+    results = isb_oracle.scan(data, final=True)
+    return [(one.offset, isb_values(one)) for one in results.packets], results.rejects
 
 
 def isb_steady(did: int) -> bool:
@@ -108,11 +108,11 @@ def idtp_expected(
 ) -> Expected:
     """Frames that count as values by name, and the others, as the oracle sees them."""
     least = min_mode if min_mode is not None else idtp_oracle.LITE if key is None else idtp_oracle.SECURE
-    found = idtp_oracle.scan(data, final=True, key=key, min_mode=least, unverified=show_unverified)
-    good, bad = [(one, 0) for one in found.frames], []
+    results = idtp_oracle.scan(data, final=True, key=key, min_mode=least, unverified=show_unverified)
+    good, bad = [(one, 0) for one in results.frames], []
     if replay_check:
-        good, bad = idtp_oracle.judge(found.frames, keyed=key is not None)
-    return [(one.offset, idtp_values(one)) for one, _ in good], sorted(found.rejects + bad)
+        good, bad = idtp_oracle.judge(results.frames, keyed=key is not None)
+    return [(one.offset, idtp_values(one)) for one, _ in good], sorted(results.rejects + bad)
 
 
 def idtp_values(one: idtp_oracle.OracleIdtpFrame) -> str:
@@ -246,7 +246,7 @@ SPEAKERS = {
     ),
     "mip": ProtocolCase(
         "mip",
-        mip_vectors.LONGEST + ubx.MAX_PAYLOAD_BYTES,
+        mip_vectors.MAX_PACKET + ubx.MAX_PAYLOAD_BYTES,
         b"\x75\x65",
         mip_vectors.plain,
         mip_vectors.packet_of,

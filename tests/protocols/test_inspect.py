@@ -183,8 +183,8 @@ def test_a_mixed_file_is_reported(tmp_path: Path) -> None:
 
 
 def test_every_reason_is_explained() -> None:
-    found = {reason for family in PROTOCOLS.values() for reason in explained_rejects(family)}
-    assert found == set(REASONS) - {""}
+    results = {reason for family in PROTOCOLS.values() for reason in explained_rejects(family)}
+    assert results == set(REASONS) - {""}
 
 
 def test_the_table_explains_codes_and_identifiers(tmp_path: Path) -> None:
@@ -201,19 +201,19 @@ def test_the_table_explains_codes_and_identifiers(tmp_path: Path) -> None:
     (tmp_path / "a.bin").write_bytes(b"".join(frames))
     out = io.StringIO()
     inspect_file(tmp_path / "a.bin", out, DecodeOptions("xbus"))
-    _, error, outputs, told, long, short = out.getvalue().splitlines()
+    _, error, outputs, report, long, short = out.getvalue().splitlines()
     assert "code message invalid (4)" in error
     assert "data_identifier 0x1020 (" in outputs
     assert "data_identifier 0x402A (" in outputs
-    assert "master_device_id 0080800001 " in told
-    assert " device_id 0080800001 " in told
+    assert "master_device_id 0080800001 " in report
+    assert " device_id 0080800001 " in report
     assert long.endswith("device_id 0080800001")
     assert short.endswith("device_id 0080003A")
     first, *_ = lines_of(tmp_path / "a.bin", DecodeOptions("xbus"))
     assert first["fields"] == {"code": 4}  # from which the frame is made again
 
 
-def test_bytes_that_belong_to_nothing_are_counted_with_the_place_to_look(tmp_path: Path) -> None:
+def test_bytes_that_belong_to_nothing_are_counted_with_the_place_to_search(tmp_path: Path) -> None:
     """Records that no decoder recognised vanished: no line, no reject, no word."""
     good = build(0x36, bytes.fromhex("1020020007"))
     path, notes = tmp_path / "a.bin", io.StringIO()

@@ -221,9 +221,9 @@ def test_many_chunks_at_once(speaker: ProtocolCase, data: st.DataObject) -> None
         singly.feed(chunk, 1000 + arrival)
     ends, times = np.cumsum([len(one) for one in chunks], dtype=np.int64), 1000 + np.arange(len(chunks))
     at_once.feed_chunks(stream, ends, times)
-    wanted, found = singly.drain(stalled=True), at_once.drain(stalled=True)
-    assert canonical(found) == canonical(wanted)
-    for one, other in zip(found, wanted, strict=True):
+    expected, result = singly.drain(stalled=True), at_once.drain(stalled=True)
+    assert canonical(result) == canonical(expected)
+    for one, other in zip(result, expected, strict=True):
         assert np.array_equal(getattr(one, "arrival_ns", 0), getattr(other, "arrival_ns", 0))
 
 
@@ -261,14 +261,14 @@ def test_good_frame_survives(speaker: ProtocolCase, data: st.DataObject) -> None
     reach = [offset for offset, _ in frames]
     whole = any(offset == 0 for offset, _ in speaker.expected(frame)[0])
     events = run(speaker, [before, frame])
-    found = {int(o) for e in events if isinstance(e, Batch) for o in e.offset} | {
+    results = {int(o) for e in events if isinstance(e, Batch) for o in e.offset} | {
         e.offset for e in events if isinstance(e, Reply)
     }
-    found -= {e.offset for e in events if isinstance(e, Reply) and e.message.name == "Warning" and e.size == 4}
-    assert found == set(reach)
+    results -= {e.offset for e in events if isinstance(e, Reply) and e.message.name == "Warning" and e.size == 4}
+    assert results == set(reach)
     old = (len(before), "stale") in rejects or (len(before), "far_ahead") in rejects
     swallowed = any(offset < len(before) < end for offset, end in spans(events))
-    assert not whole or swallowed or old or len(before) in found
+    assert not whole or swallowed or old or len(before) in results
 
 
 def spans(events: Sequence[Event]) -> list[tuple[int, int]]:

@@ -24,15 +24,15 @@ def angles(q: list[float]) -> list[float]:
 
 @each_row("one", WITH_ANGLES, ids=lambda one: one["what"])
 def test_the_vendors_angles(one: dict[str, list[float]]) -> None:
-    found = angles(one["values"])
+    results = angles(one["values"])
     unit = abs(math.hypot(*one["values"]) - 1) < 1e-6
     if abs(abs(one["euler"][1]) - 90) > 1e-3:
-        for got, wanted in zip(found, one["euler"], strict=True):
-            assert math.remainder(got - wanted, 360) == pytest.approx(
+        for got, expected in zip(results, one["euler"], strict=True):
+            assert math.remainder(got - expected, 360) == pytest.approx(
                 0, abs=2e-4 if unit else 0.05
             )  # the vendor does not norm
     else:
-        assert found[1] == pytest.approx(one["euler"][1], abs=1e-3)
+        assert results[1] == pytest.approx(one["euler"][1], abs=1e-3)
 
 
 def test_the_vectors_are_not_empty() -> None:
@@ -55,7 +55,7 @@ def test_angles_lead_back_to_the_rotation(q: list[float]) -> None:
 def test_a_matrix_gives_the_angles_of_its_quaternion_and_nan_gives_none() -> None:
     turn = math.radians(30)
     matrix = [math.cos(turn), -math.sin(turn), 0.0, math.sin(turn), math.cos(turn), 0.0, 0.0, 0.0, 1.0]
-    found = euler_columns([np.array([part]) for part in matrix])
-    assert [float(column[0]) for column in found] == pytest.approx([0, 0, 30])
+    results = euler_columns([np.array([part]) for part in matrix])
+    assert [float(column[0]) for column in results] == pytest.approx([0, 0, 30])
     assert angles([math.cos(turn / 2), 0, 0, math.sin(turn / 2)]) == pytest.approx([0, 0, 30])
     assert all(math.isnan(angle) for angle in angles([0, 0, 0, 0]))

@@ -74,11 +74,11 @@ class Group:
 
 @functools.cache
 def _xbus_vectors() -> Sequence[tuple[xbus_oracle.OracleXbusFrame, str]]:
-    told = [(vector, _xbus_source(vector["source"])) for vector in (*xbus_vectors.DATA, *xbus_vectors.COMMANDS)]
-    told += [(vector, "device-capture") for vector in xbus_vectors.DEVICE]
-    told += [(vector, "computed") for name in ("messages", "items") for vector in xbus_vectors.COMPUTED[name]]
+    messages = [(vector, _xbus_source(vector["source"])) for vector in (*xbus_vectors.DATA, *xbus_vectors.COMMANDS)]
+    messages += [(vector, "device-capture") for vector in xbus_vectors.DEVICE]
+    messages += [(vector, "computed") for name in ("messages", "items") for vector in xbus_vectors.COMPUTED[name]]
     frames = []
-    for vector, source in told:
+    for vector, source in messages:
         (frame,) = xbus_oracle.scan(xbus_vectors.frame(vector), final=True).frames
         frames.append((frame, source))
     return frames
@@ -135,11 +135,11 @@ def _strings_met() -> Met:
 
 @functools.cache
 def _isb_vectors() -> Sequence[tuple[isb_oracle.OracleIsbPacket, str]]:
-    told = [(vector, "vendor") for vector in (*isb_vectors.DATA, *isb_vectors.COMMANDS)]
-    told += [(vector, vector["source"]) for vector in (*isb_vectors.COMPUTED, *isb_vectors.FORMS)]
+    messages = [(vector, "vendor") for vector in (*isb_vectors.DATA, *isb_vectors.COMMANDS)]
+    messages += [(vector, vector["source"]) for vector in (*isb_vectors.COMPUTED, *isb_vectors.FORMS)]
     return [
         (packet, source)
-        for vector, source in told
+        for vector, source in messages
         for packet in isb_oracle.scan(isb_vectors.packet(vector), final=True).packets
     ]
 
@@ -159,11 +159,11 @@ def _older_rows() -> set[tuple[int, int]]:
 
 @functools.cache
 def _idtp_vectors() -> Sequence[tuple[idtp_oracle.OracleIdtpFrame, str]]:
-    told = [(vector, "vendor") for vector in idtp_vectors.VECTORS]
-    told += [(vector, vector["source"]) for vector in idtp_vectors.COMPUTED]
+    messages = [(vector, "vendor") for vector in idtp_vectors.VECTORS]
+    messages += [(vector, vector["source"]) for vector in idtp_vectors.COMPUTED]
     return [
         (frame, source)
-        for vector, source in told
+        for vector, source in messages
         for frame in idtp_oracle.scan(idtp_vectors.frame(vector), final=True, unverified=True).frames
     ]
 

@@ -53,5 +53,5 @@ def theirs(path: Path) -> list[Message]:
     """Messages according to the standard reader."""
     with path.open("rb") as file:
         reader = make_reader(file)
-        found = reader.iter_messages(log_time_order=False)
-        return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
+        results = reader.iter_messages(log_time_order=False)
+        return [(channel.topic, message.log_time, message.data) for _, channel, message in results]

@@ -33,15 +33,15 @@ def drive(
     if signals:
         rows = [{"name": name, "expression": expression} for name, expression in signals.items()]
         writer.computed_signals("1", {"signals": rows, "address": ""}, started_ns)
-    kept = b""
+    stored = b""
     for n in range(1, round(seconds * 100)):
         data = device.advance(n * 10_000_000)
         if not 200 <= n < 205 and data:
             writer.chunk("1", "rx", data, started_ns + n * 10_000_000)
-            kept += data
+            stored += data
     writer.chunk("1", "tx", b"\xfa\xff\x30\x00\xd1", started_ns + 1)
     writer.write_note("marker", "bump", started_ns + 2_000_000_000)
     writer.event({"kind": "link", "level": "info", "text": "Opened.", "device": "1"}, started_ns)
     writer.event({"kind": "gap", "level": "error", "text": "told live", "device": "1"}, started_ns)
     writer.close()
-    return kept
+    return stored

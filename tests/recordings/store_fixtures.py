@@ -20,8 +20,16 @@ def column(name: str, dtype: str, unit: str = "", axis: str = "") -> dict[str, A
 def channel(
     number: int, device: str, message: str, name: str, kind: str, columns: list[dict[str, Any]], **more: Any
 ) -> dict[str, Any]:
-    told = {"id": number, "device": device, "message": message, "name": name, "title": name, "kind": kind, "unit": ""}
-    return {**told, "frame": "", "columns": columns, "doc": "", "source": "", "verified": True, "group": "", **more}
+    details = {
+        "id": number,
+        "device": device,
+        "message": message,
+        "name": name,
+        "title": name,
+        "kind": kind,
+        "unit": "",
+    }
+    return {**details, "frame": "", "columns": columns, "doc": "", "source": "", "verified": True, "group": "", **more}
 
 
 ACCELERATION = channel(
@@ -61,9 +69,9 @@ def store(folder: Path, n: int = 1000, rate: float = 100.0, devices: int = 2) ->
         {"id": "2", "name": "IMX-5", "protocol": "isb", "product": "IMX-5", "serial_number": "60339"},
     ]
     events = [{"kind": "gap", "t0": START + 1.0, "t1": START + 1.1}]
-    told = {"channels": infos, "devices": about[:devices], "started": START, "ended": float(arrival[-1])}
+    details = {"channels": infos, "devices": about[:devices], "started": START, "ended": float(arrival[-1])}
     more = {"events": events, "markers": [{"text": "kerb"}], "damage": [], "format": "mcap", "figures": {}}
-    return writer.finish({**told, **more})
+    return writer.finish({**details, **more})
 
 
 NS = round(START * 1e9)

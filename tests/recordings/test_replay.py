@@ -36,34 +36,36 @@ def recording(folder: Path, chunks: int = 100, *, packed: bool = True, size: int
 def played(replay: ReplayClock, clock: ManualClock[int], most: int = 10_000) -> list[tuple[int, ReplayedChunk]]:
     """All that it plays, with the time on the clock at which it did."""
     began = clock.now
-    found: list[tuple[int, ReplayedChunk]] = []
-    while (wait := replay.wait_ns()) is not None and len(found) < most:
+    results: list[tuple[int, ReplayedChunk]] = []
+    while (wait := replay.wait_ns()) is not None and len(results) < most:
         clock.now += wait
-        taken = replay.due_chunks()
-        assert taken, "what is due can be taken"
-        found += [(clock.now - began, one) for one in taken]
-    return found
+        batch = replay.due_chunks()
+        assert batch, "what is due can be taken"
+        results += [(clock.now - began, one) for one in batch]
+    return results
 
 
 @each_row("packed", [True, False])
 def test_every_byte_is_played_when_it_is_due(tmp_path: Path, packed: bool) -> None:
     clock = ManualClock(5_000)
     source = McapSource(recording(tmp_path, packed=packed))
-    found = played(ReplayClock(source, clock), clock)
-    assert len(found) == 200
-    assert [at for at, one in found] == [one.time_ns - START for _, one in found]
-    assert b"".join(one.data for _, one in found if one.device == "1") == b"".join(bytes([n]) * 20 for n in range(100))
-    assert [one.device for _, one in found[:4]] == ["1", "2", "1", "2"]  # in step
-    assert not any(one.restart for _, one in found)
-    assert {one.direction for _, one in found} == {"rx"}
+    results = played(ReplayClock(source, clock), clock)
+    assert len(results) == 200
+    assert [at for at, one in results] == [one.time_ns - START for _, one in results]
+    assert b"".join(one.data for _, one in results if one.device == "1") == b"".join(
+        bytes([n]) * 20 for n in range(100)
+    )
+    assert [one.device for _, one in results[:4]] == ["1", "2", "1", "2"]  # in step
+    assert not any(one.restart for _, one in results)
+    assert {one.direction for _, one in results} == {"rx"}
 
 
 @each_row("speed", [0.1, 0.5, 2.0, 50.0])
 def test_speed(tmp_path: Path, speed: float) -> None:
     clock = ManualClock(5_000)
-    found = played(ReplayClock(McapSource(recording(tmp_path)), clock, speed=speed), clock)
-    assert len(found) == 200
-    for at, one in found:
+    results = played(ReplayClock(McapSource(recording(tmp_path)), clock, speed=speed), clock)
+    assert len(results) == 200
+    for at, one in results:
         assert abs(at - (one.time_ns - START) / speed) <= 200  # ns: sums of rounded waits
 
 
@@ -82,9 +84,9 @@ def test_speed_pause_and_seek_while_it_plays(tmp_path: Path) -> None:
     replay.speed = 10
     assert replay.wait_ns() == MS // 2
     replay.seek(START + 500 * MS)
-    taken = replay.due_chunks()
-    assert [one.time_ns for one in taken] == [START + 500 * MS]
-    assert taken[0].restart
+    batch = replay.due_chunks()
+    assert [one.time_ns for one in batch] == [START + 500 * MS]
+    assert batch[0].restart
     clock.now += MS
     assert [(one.device, one.restart) for one in replay.due_chunks()] == [("2", True), ("1", False)]
     replay.seek(START)  # back, too
@@ -100,8 +102,8 @@ def test_seeking_to_a_moment_is_skipping_to_it(tmp_path: Path) -> None:
         replay = ReplayClock(source, clock)
         replay.seek(START + at * MS)
         rest = played(replay, clock)
-        wanted = [(one.device, one.data) for _, one in whole if one.time_ns >= START + at * MS]
-        assert [(one.device, one.data) for _, one in rest] == wanted
+        expected = [(one.device, one.data) for _, one in whole if one.time_ns >= START + at * MS]
+        assert [(one.device, one.data) for _, one in rest] == expected
 
 
 def test_a_range_and_a_loop(tmp_path: Path) -> None:
@@ -150,8 +152,8 @@ def test_times_that_run_backwards_count_as_those_before(tmp_path: Path) -> None:
         writer.chunk("1", "rx", b"%d" % n, START + at * MS)
     writer.close()
     clock = ManualClock(5_000)
-    found = played(ReplayClock(McapSource(path), clock), clock)
-    assert [(at // MS, one.data) for at, one in found] == [(0, b"0"), (20, b"1"), (20, b"2"), (30, b"3")]
+    results = played(ReplayClock(McapSource(path), clock), clock)
+    assert [(at // MS, one.data) for at, one in results] == [(0, b"0"), (20, b"1"), (20, b"2"), (30, b"3")]
 
 
 def test_a_recording_of_nothing_has_ended(tmp_path: Path) -> None:

@@ -25,8 +25,8 @@ CEILING = 187_012
 def files_of(revision: str) -> Iterator[tuple[str, str]]:
     """Path and text of each file of a language; "" for the files as they are, those not yet in git too."""
     if not revision:
-        asked = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-        names = subprocess.run(asked, cwd=ROOT, capture_output=True, check=True, text=True).stdout.split("\0")
+        requests = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+        names = subprocess.run(requests, cwd=ROOT, capture_output=True, check=True, text=True).stdout.split("\0")
         for path in (ROOT / name for name in names if name):
             if path.suffix in LANGUAGES and path.is_file() and not path.is_symlink():
                 yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
@@ -46,30 +46,30 @@ def is_test(name: str) -> bool:
 
 def counts(revision: str = "") -> Counter[tuple[str, str]]:
     """Lines by kind ("sources", "tests") and language."""
-    found: Counter[tuple[str, str]] = Counter()
+    results: Counter[tuple[str, str]] = Counter()
     for name, text in files_of(revision):
         lines = text.splitlines()
         if "/golden/" in name or any(MARK in line.lower() for line in lines[:MARKED_LINES]):
             continue
-        found["tests" if is_test(name) else "sources", LANGUAGES["." + name.rpartition(".")[2]]] += len(lines)
-    return found
+        results["tests" if is_test(name) else "sources", LANGUAGES["." + name.rpartition(".")[2]]] += len(lines)
+    return results
 
 
-def total(found: Counter[tuple[str, str]], kind: str) -> int:
+def total(results: Counter[tuple[str, str]], kind: str) -> int:
     """Lines of one kind in all languages."""
-    return sum(lines for (one, _), lines in found.items() if one == kind)
+    return sum(lines for (one, _), lines in results.items() if one == kind)
 
 
 def main(revisions: list[str]) -> int:
     """The command line."""
     for revision in revisions or [""]:
-        found = counts(revision)
+        result = counts(revision)
         print(revision or "as they are")
         for kind in ("sources", "tests"):
             parts = ", ".join(
-                f"{language} {lines:,}" for (one, language), lines in sorted(found.items()) if one == kind
+                f"{language} {lines:,}" for (one, language), lines in sorted(result.items()) if one == kind
             )
-            print(f"  {kind:8} {total(found, kind):>8,}   {parts}")
+            print(f"  {kind:8} {total(result, kind):>8,}   {parts}")
     return 0
 
 

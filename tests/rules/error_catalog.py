@@ -96,28 +96,28 @@ def _calls(path: Path) -> Sequence[_Call]:
         return ()  # most files: they are not parsed
     tree = tree_of(path)
     module = _assigned(tree.body, deep=False)
-    found: list[_Call] = []
+    results: list[_Call] = []
 
     def walk(node: ast.AST, known: dict[str, list[ast.expr]]) -> None:
         if isinstance(node, ast.Call) and _name(node.func) in SHAPES:
-            found.append(_Call(node, known))
+            results.append(_Call(node, known))
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):  # of several, the innermost counts
             known = {**module, **_assigned(node.body, deep=True)}
         for child in ast.iter_child_nodes(node):
             walk(child, known)
 
     walk(tree, module)
-    return tuple(found)
+    return tuple(results)
 
 
 @functools.cache
 def everything() -> Sequence[ErrorText]:
     """Every error in the source, in the order of the files."""
-    found = []
+    results = []
     for folder in FOLDERS:
         for path in python_files(folder):
-            found += list(_of_module(path))
-    return tuple(dict.fromkeys(found))
+            results += list(_of_module(path))
+    return tuple(dict.fromkeys(results))
 
 
 def kinds() -> list[tuple[str, str, int]]:
@@ -125,7 +125,7 @@ def kinds() -> list[tuple[str, str, int]]:
 
     Also of calls that pass on another error's words.
     """
-    found = []
+    results = []
     for folder in FOLDERS:
         for path in python_files(folder):
             for node in (call.node for call in _calls(path)):
@@ -133,18 +133,20 @@ def kinds() -> list[tuple[str, str, int]]:
                 if shape.kind is None:
                     continue
                 status = node.args[0] if shape.kind == 1 and node.args else None
-                told = status.value if isinstance(status, ast.Constant) and isinstance(status.value, int) else 0
+                report = status.value if isinstance(status, ast.Constant) and isinstance(status.value, int) else 0
                 where = f"{path.relative_to(ROOT)}:{node.lineno}"
-                found += [(where, kind, told) for kind in _texts(_part(node, shape.kind, "kind"), {})]
-    return found
+                results += [(where, kind, report) for kind in _texts(_part(node, shape.kind, "kind"), {})]
+    return results
 
 
 def _of_module(path: Path) -> Iterator[ErrorText]:
     for call in _calls(path):
-        yield from _said(call.node, _name(call.node.func), call.known, f"{path.relative_to(ROOT)}:{call.node.lineno}")
+        yield from _texts_of(
+            call.node, _name(call.node.func), call.known, f"{path.relative_to(ROOT)}:{call.node.lineno}"
+        )
 
 
-def _said(call: ast.Call, name: str, known: dict[str, list[ast.expr]], where: str) -> Iterator[ErrorText]:
+def _texts_of(call: ast.Call, name: str, known: dict[str, list[ast.expr]], where: str) -> Iterator[ErrorText]:
     shape = SHAPES[name]
     kinds = _texts(_part(call, shape.kind, "kind"), known) if shape.kind is not None else [""]
     hints: list[str | None] = [""]
@@ -173,19 +175,19 @@ def _name(node: ast.expr) -> str:
 
 def _assigned(body: list[ast.stmt], *, deep: bool) -> dict[str, list[ast.expr]]:
     """Values assigned to names; for a function, all of them."""
-    found: dict[str, list[ast.expr]] = {}
+    results: dict[str, list[ast.expr]] = {}
     nodes = [node for statement in body for node in ast.walk(statement)] if deep else list(body)
     for node in nodes:
         if not isinstance(node, ast.Assign):
             continue
         for target in node.targets:
             if isinstance(target, ast.Name):
-                found.setdefault(target.id, []).append(node.value)
+                results.setdefault(target.id, []).append(node.value)
             elif isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
                 for one, value in zip(target.elts, node.value.elts, strict=False):
                     if isinstance(one, ast.Name):
-                        found.setdefault(one.id, []).append(value)
-    return found
+                        results.setdefault(one.id, []).append(value)
+    return results
 
 
 def _texts(node: ast.expr | None, known: dict[str, list[ast.expr]], depth: int = 0) -> list[str]:
@@ -212,9 +214,9 @@ def _piece(part: ast.expr, known: dict[str, list[ast.expr]], depth: int) -> str:
         return str(part.value)
     assert isinstance(part, ast.FormattedValue)
     if isinstance(part.value, ast.Name) and depth < 2:
-        found = _texts(part.value, known, depth + 2)
-        if len(found) == 1:
-            return found[0]
+        results = _texts(part.value, known, depth + 2)
+        if len(results) == 1:
+            return results[0]
     name = re.sub(r"\(.*|\[.*", "", ast.unparse(part.value)).rpartition(".")[2]
     return f"{{{name}}}"
 
@@ -222,15 +224,15 @@ def _piece(part: ast.expr, known: dict[str, list[ast.expr]], depth: int) -> str:
 def main() -> None:
     """Print the list."""
     last = ""
-    for said in everything():
-        part = said.where.partition(":")[0]
+    for output in everything():
+        part = output.where.partition(":")[0]
         if part != last:
             print(f"\n{part}")
             last = part
-        kind = f"[{said.kind}] " if said.kind else ""
-        print(f"  {kind}{said.message}")
-        if said.hint:
-            print(f"      → {said.hint}")
+        kind = f"[{output.kind}] " if output.kind else ""
+        print(f"  {kind}{output.message}")
+        if output.hint:
+            print(f"      → {output.hint}")
 
 
 if __name__ == "__main__":

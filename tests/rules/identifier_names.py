@@ -4,7 +4,8 @@
     found, given, wanted, kept …    participles as nouns: the name of the thing itself
     MOST, FEW, NEAR …               constants of one vague word: what they limit, and the unit
 
-A participle before a noun (`kept_tags`) or after a predicate (`is_kept`, `last_seen`) is no noun.
+A participle before a noun (`kept_tags`), after a predicate (`is_kept`, `last_seen`) or at the end of a sentence
+(`test_a_marker_is_kept`) is no noun.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _VAGUE = """
     MOST MANY FEW FEWEST LITTLE ENOUGH USUAL NEAR FAR EACH ROOM SHARE GAP SURE CERTAIN RARE LONG LONGEST SHORTEST
     LARGE LARGEST SMALL SMALLEST TINY DEEPEST WIDEST FASTEST SLOWEST
 """
-_PREDICATES = "is are was were has had be been not last first when if"
+_PREDICATES = "is are was were has had be been not last first when if test"
 SENSES, PARTICIPLES, PREDICATES = (frozenset(words.split()) for words in (_SENSES, _PARTICIPLES, _PREDICATES))
 VAGUE = frozenset(_VAGUE.split())
 SUSPECT = re.compile(

@@ -184,23 +184,23 @@ def page_files() -> Sequence[Path]:
 
 def _page_imports(folder: str) -> Iterator[tuple[Path, int, Path]]:
     for path in page_files():
-        for found in re.finditer(
+        for match in re.finditer(
             r"""(?:from|import|declare module)\s+["'](\.{1,2}/[^"'\n]+)["']""", text := text_of(path)
         ):
-            target = Path(os.path.normpath(path.parent / found[1]))
+            target = Path(os.path.normpath(path.parent / match[1]))
             ends = (target, target.with_name(f"{target.name}.ts"), target.with_name(f"{target.name}.tsx"))
             if (other := next((one for one in ends if one.is_file()), None)) and other.suffix in (".ts", ".tsx"):
-                yield path, text.count("\n", 0, found.start()) + 1, other
+                yield path, text.count("\n", 0, match.start()) + 1, other
 
 
 def graph_of(folder: str) -> Graph:
     """Parts of a folder, and what each imports of it directly."""
     files = page_files() if folder == PAGE else python_files(folder)
-    found: dict[str, set[str]] = {_part_of(folder, path): set() for path in files}
+    results: dict[str, set[str]] = {_part_of(folder, path): set() for path in files}
     for _, _, part, other in imports_of(folder):
-        found[part].add(other)
-    found.pop("__init__", None)
-    return found
+        results[part].add(other)
+    results.pop("__init__", None)
+    return results
 
 
 def reach(graph: Graph) -> Graph:

@@ -60,7 +60,7 @@ TABLES = {"protocols/xbus/data_identifiers.py", "protocols/xbus/messages.py"}
 HTTP_API = "http-api.md"
 GENERATED = {"web/src/wire/routes.ts", "web/src/wire/types.ts"}
 CODE = {".py", ".ts", ".tsx", ".js", ".css", ".html"}
-LONGEST = 500
+MAX_LINES = 500
 
 
 IMPORT = re.compile(r"^[ \t]*(?:from|import)\b(?:[^\n(]*\([^)]*\)|[^\n]*)", re.MULTILINE)
@@ -69,9 +69,9 @@ IMPORT = re.compile(r"^[ \t]*(?:from|import)\b(?:[^\n(]*\([^)]*\)|[^\n]*)", re.M
 @functools.cache
 def tracked() -> Sequence[Path]:
     """Files in git, and those about to be."""
-    asked = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    requests = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     try:
-        names = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        names = subprocess.run(requests, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("not a git checkout")
     return tuple(path for name in names.split("\0") if name and (path := ROOT / name).is_file())
@@ -90,14 +90,14 @@ def code_lines(path: Path, pattern: re.Pattern[str]) -> Iterator[str]:
     if not pattern.search(text):
         return
     lines = text.splitlines()
-    found = {number for number, line in enumerate(lines, 1) if pattern.search(line)}
-    found -= facts_of(path).prose
-    if any("#" in lines[number - 1] for number in found):
+    match = {number for number, line in enumerate(lines, 1) if pattern.search(line)}
+    match -= facts_of(path).prose
+    if any("#" in lines[number - 1] for number in match):
         for token in tokenize.generate_tokens(io.StringIO(text).readline):
             line, column = token.start
-            if token.type == tokenize.COMMENT and line in found and not pattern.search(token.line[:column]):
-                found.remove(line)
-    yield from (f"{path.relative_to(ROOT)}:{line}" for line in sorted(found))
+            if token.type == tokenize.COMMENT and line in match and not pattern.search(token.line[:column]):
+                match.remove(line)
+    yield from (f"{path.relative_to(ROOT)}:{line}" for line in sorted(match))
 
 
 def code_outside_families(pattern: re.Pattern[str]) -> list[str]:
@@ -112,7 +112,7 @@ def code_outside_families(pattern: re.Pattern[str]) -> list[str]:
 
 
 def test_no_line_outside_the_families_names_one() -> None:
-    assert not (found := code_outside_families(NAMES_A_FAMILY)), "\n".join(found)
+    assert not (result := code_outside_families(NAMES_A_FAMILY)), "\n".join(result)
 
 
 def names_of_options() -> re.Pattern[str]:
@@ -150,7 +150,7 @@ def test_no_line_outside_the_families_names_their_decode_options() -> None:
 
 
 def test_no_line_of_the_page_names_a_family() -> None:
-    assert not (found := code_of_page(NAMES_A_FAMILY)), "\n".join(found)
+    assert not (result := code_of_page(NAMES_A_FAMILY)), "\n".join(result)
 
 
 def test_no_line_outside_the_families_names_a_field_of_their_tables() -> None:
@@ -161,8 +161,8 @@ def test_no_line_outside_the_families_names_a_field_of_their_tables() -> None:
     names = {name for table in tables for name in (table.key, table.rate, table.interval) if "_" in name}
     assert len(names) > 2
     pattern = re.compile("|".join(names))
-    found = [*code_of_page(pattern), *code_outside_families(pattern)]
-    assert not found, "\n".join(found)
+    results = [*code_of_page(pattern), *code_outside_families(pattern)]
+    assert not results, "\n".join(results)
 
 
 def code_of_page(pattern: re.Pattern[str]) -> list[str]:
@@ -183,7 +183,7 @@ def test_tests_import_from_helper_modules_only() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{line} {module}"
         for path in python_files("tests")
-        if path.parent.name != "browser" and any("test_" in found for found in IMPORT.findall(text_of(path)))
+        if path.parent.name != "browser" and any("test_" in results for results in IMPORT.findall(text_of(path)))
         for line, module in facts_of(path).imports
         if module.startswith("tests.") and any(part.startswith("test_") for part in module.split("."))
     ]
@@ -272,7 +272,7 @@ def test_no_code_file_is_long() -> None:
         f"{name}: {lines} lines"
         for path in tracked()
         if path.suffix in CODE and (name := path.relative_to(ROOT).as_posix()) not in TABLES | GENERATED
-        if (lines := len(path.read_text().splitlines())) > LONGEST
+        if (lines := len(path.read_text().splitlines())) > MAX_LINES
     ]
     assert not long, "\n".join(long)
 
@@ -289,15 +289,15 @@ def test_no_machine_path_and_no_private_host() -> None:
         if not (home.search(text) or private.search(text)):
             continue  # as are all, so lines need no look
         for number, line in enumerate(text.splitlines(), 1):
-            if found := home.search(line) or private.search(line):
-                wrong.append(f"{path.relative_to(ROOT)}:{number}: {found[0]}")
+            if match := home.search(line) or private.search(line):
+                wrong.append(f"{path.relative_to(ROOT)}:{number}: {match[0]}")
     assert not wrong, "\n".join(wrong)
 
 
 def test_lock_files_name_public_hosts_only() -> None:
     # As committed or staged: a user with another package index may have a different lock file.
-    asked = subprocess.run(["git", "show", ":uv.lock"], cwd=ROOT, capture_output=True, text=True, check=False)
-    lock = asked.stdout if asked.returncode == 0 else (ROOT / "uv.lock").read_text()
+    request = subprocess.run(["git", "show", ":uv.lock"], cwd=ROOT, capture_output=True, text=True, check=False)
+    lock = request.stdout if request.returncode == 0 else (ROOT / "uv.lock").read_text()
     assert set(re.findall(r"https?://([^/\"]+)", lock)) <= {"pypi.org", "files.pythonhosted.org"}
     packages = json.loads((ROOT / "web" / "package-lock.json").read_text())["packages"]
     assert [name for name, row in packages.items() if "resolved" in row] == []

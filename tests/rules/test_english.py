@@ -127,7 +127,7 @@ def test_an_unwanted_word_is_found() -> None:
         assert not UNWANTED.search(text), text
 
 
-@each_row("folder", SOURCES)
+@each_row("folder", [*SOURCES, "tests"])
 def test_identifiers_are_terms_of_the_field(folder: str) -> None:
     wrong = [
         f"{where}:{line} {name}"
@@ -152,6 +152,8 @@ def test_a_word_of_sense_is_found() -> None:
     assert is_wrong("_FEW")
     assert not is_wrong("FEW_ROWS")
     assert not is_wrong("last_seen")
+    assert not is_wrong("test_a_marker_is_kept")
+    assert is_wrong("test_a_loss_is_told")
     assert not is_wrong("lookup")
 
 

@@ -23,31 +23,31 @@ DATA_ONLY = {"certifi": "root certificates as a file, MPL-2.0, asked for by vise
 
 def licence(name: str) -> tuple[str, list[str]]:
     """The licence that an installed distribution states, and the distributions that it requires."""
-    found = distribution(name)
-    about = found.metadata
+    result = distribution(name)
+    about = result.metadata
     classifiers = [line for line in about.get_all("Classifier") or [] if line.startswith("License")]
     words = [line[:80] for name in ("License-Expression", "License") for line in about.get_all(name) or []]
-    return " ".join([*words, *classifiers]), found.requires or []
+    return " ".join([*words, *classifiers]), result.requires or []
 
 
-def not_permissive(look_up: Callable[[str], tuple[str, list[str]]] = licence) -> list[str]:
+def not_permissive(find: Callable[[str], tuple[str, list[str]]] = licence) -> list[str]:
     """Distributions that we link, directly or through others, under a licence that is not permissive."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = (line for lines in project["optional-dependencies"].values() for line in lines)
-    todo, seen, wrong = [Requirement(line) for line in (*project["dependencies"], *extras)], set[str](), []
+    todo, observed, wrong = [Requirement(line) for line in (*project["dependencies"], *extras)], set[str](), []
     while todo:
-        wanted = todo.pop()
-        if wanted.name in seen or (wanted.marker and not wanted.marker.evaluate({"extra": ""})):
+        expected = todo.pop()
+        if expected.name in observed or (expected.marker and not expected.marker.evaluate({"extra": ""})):
             continue
-        seen.add(wanted.name)
+        observed.add(expected.name)
         try:
-            words, requires = look_up(wanted.name)
+            words, requires = find(expected.name)
         except PackageNotFoundError:
             continue  # for another platform
-        if wanted.name not in DATA_ONLY and (COPYLEFT.search(words) or not PERMISSIVE.search(words)):
-            wrong.append(f"{wanted.name}: {words}")
+        if expected.name not in DATA_ONLY and (COPYLEFT.search(words) or not PERMISSIVE.search(words)):
+            wrong.append(f"{expected.name}: {words}")
         todo += [Requirement(line) for line in requires]
-    assert len(seen) >= len(project["dependencies"])
+    assert len(observed) >= len(project["dependencies"])
     return wrong
 
 

@@ -172,22 +172,22 @@ def _is_short(node: ast.expr) -> bool:
 
 
 def test_nothing_depends_on_the_speed_of_the_machine() -> None:
-    wrong, seen = [], set()
+    wrong, observed = [], set()
     for path in python_files("tests"):
         inside = path.relative_to(ROOT / "tests")
         if inside.parts[0] in NOT_CHECKED:
             continue
-        found = list(findings(path))
+        results = list(findings(path))
         listed, reason = LISTED.get(str(inside), ({}, ""))
-        seen |= {str(inside)} if found else set()
-        counts = Counter(kind for kind, _ in found)
+        observed |= {str(inside)} if results else set()
+        counts = Counter(kind for kind, _ in results)
         wrong += [
             f"tests/{inside}:{line}: {kind}; {counts[kind]} there, {listed.get(kind, 0)} listed. {reason}".rstrip()
-            for kind, line in found
+            for kind, line in results
             if counts[kind] != listed.get(kind, 0)
         ]
     assert not wrong, "\n".join([*wrong, "Wait for a condition, turn a clock, or count; what is gone leaves the list."])
-    assert LISTED.keys() <= seen, f"no longer needed in the list: {sorted(LISTED.keys() - seen)}"
+    assert LISTED.keys() <= observed, f"no longer needed in the list: {sorted(LISTED.keys() - observed)}"
 
 
 @each_row(
@@ -209,4 +209,4 @@ def test_nothing_depends_on_the_speed_of_the_machine() -> None:
 def test_what_depends_on_time_is_found(line: str, kind: str | None, tmp_path: Path) -> None:
     path = tmp_path / "one.py"
     path.write_text(f"async def test():\n    {line}\n")
-    assert [found for found, _ in findings(path)] == ([kind] if kind else [])
+    assert [result for result, _ in findings(path)] == ([kind] if kind else [])

@@ -49,7 +49,9 @@ def test_a_test_lies_where_its_source_does() -> None:
     tests = mirrored_tests()
     assert len(tests) > 200
     wrong = {path.relative_to(TESTS).as_posix() for path in tests if not is_mirror(path)}
-    assert not (found := wrong - NOT_OF_ONE_SOURCE.keys()), "no source of this name there: " + ", ".join(sorted(found))
+    assert not (result := wrong - NOT_OF_ONE_SOURCE.keys()), "no source of this name there: " + ", ".join(
+        sorted(result)
+    )
     assert not (gone := NOT_OF_ONE_SOURCE.keys() - wrong), "no longer needed in the list: " + ", ".join(sorted(gone))
 
 

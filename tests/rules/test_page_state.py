@@ -47,12 +47,12 @@ STATIC = re.compile(r"^ +static (?!readonly)(?P<name>#?\w+) =", re.MULTILINE)
 
 def module_state(text: str) -> Iterator[str]:
     """Names of what changes and exists once: signals, objects and empty collections, `let`, and static fields."""
-    for found in STATEMENT.finditer(text):
-        value = found["rest"].partition(" = ")[2]
-        if found["kind"] != "const" or STATE.search(FUNCTION.split(value, maxsplit=1)[0]):
-            yield found["name"]
-    for found in STATIC.finditer(text):
-        yield found["name"]
+    for match in STATEMENT.finditer(text):
+        value = match["rest"].partition(" = ")[2]
+        if match["kind"] != "const" or STATE.search(FUNCTION.split(value, maxsplit=1)[0]):
+            yield match["name"]
+    for match in STATIC.finditer(text):
+        yield match["name"]
 
 
 def sources() -> Iterator[tuple[str, Path]]:
@@ -63,14 +63,14 @@ def sources() -> Iterator[tuple[str, Path]]:
 
 
 def test_no_state_of_a_module_is_added() -> None:
-    found = {name: set(module_state(path.read_text(encoding="utf-8"))) for name, path in sources()}
+    results = {name: set(module_state(path.read_text(encoding="utf-8"))) for name, path in sources()}
     wrong = [
         f"web/src/{name}: {', '.join(sorted(names ^ LISTED.get(name, (set(), ''))[0]))}"
-        for name, names in found.items()
+        for name, names in results.items()
         if names != LISTED.get(name, (set(), ""))[0]
     ]
     assert not wrong, "\n".join([*wrong, "Give the state to a component, a view or a page, or take it off the list."])
-    assert LISTED.keys() <= found.keys()
+    assert LISTED.keys() <= results.keys()
 
 
 def test_state_of_a_module_is_found() -> None:

@@ -8,7 +8,7 @@ from tests.rules.rooms import ARROWS, HOUSES, graph_of, imports_of, page_files, 
 from tests.support.each_row import each_row
 from tests.support.source_files import ROOT, facts_of, module_docstring, python_files
 
-TOP, WIDEST = 12, 35
+TOP, MAX_ROOM_FILES = 12, 35
 
 
 @each_row("house", HOUSES)
@@ -36,7 +36,7 @@ def test_rows_of_the_table_name_rows_above(folder: str) -> None:
 
 
 @each_row("folder", ARROWS)
-def test_rooms_import_what_the_table_says(folder: str) -> None:
+def test_rooms_import_what_the_table_states(folder: str) -> None:
     reached = reach(table_of(folder))
     wrong = [
         f"{path.relative_to(ROOT)}:{line} imports {other}"
@@ -62,13 +62,13 @@ def test_a_folder_can_be_read_at_a_glance() -> None:
     wrong = [
         f"{folder.relative_to(ROOT)}: {number} files"
         for folder, number in counts.items()
-        if number > (TOP if folder in tops else WIDEST)
+        if number > (TOP if folder in tops else MAX_ROOM_FILES)
     ]
     assert not wrong, ", ".join(wrong)
 
 
 @each_row("house", HOUSES)
-def test_a_package_says_what_it_is(house: str) -> None:
+def test_a_package_states_what_it_is(house: str) -> None:
     packages = [ROOT / house, *(path.parent for path in python_files(house) if path.name == "__init__.py")]
     wrong = [
         f"{folder.relative_to(ROOT)}/__init__.py"

@@ -15,16 +15,16 @@ from tests import conftest
 
 def examples() -> list[int]:
     """What a property test is given."""
-    found: list[int] = []
+    results: list[int] = []
 
     @seed(1)
     @settings(max_examples=300, database=None)
     @given(st.integers(0, 2**64))
     def collect(number: int) -> None:
-        found.append(number)
+        results.append(number)
 
     collect()
-    return found
+    return results
 
 
 @pytest.mark.skipif(conftest.PROFILE != "fast", reason="other profiles try new examples each time")

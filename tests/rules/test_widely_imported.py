@@ -13,7 +13,7 @@ from collections.abc import Mapping, Set
 from tests.rules.rooms import HOUSES
 from tests.support.source_files import ROOT, facts_of, python_files
 
-MOST = 20  # modules of other folders
+MAX_IMPORTERS = 20  # modules of other folders
 STILL_MANY = 10  # with fewer, a name leaves the list
 LISTED: Mapping[str, tuple[str, str]] = {
     "protocols/arrays.py": ("Array Bytes Floats Ints", "types of arrays"),
@@ -41,24 +41,24 @@ def importers() -> Mapping[tuple[str, str], Set[str]]:
     """Files that import a name, by the file it stands in and the name; those of the same folder are left out."""
     files = python_files(*HOUSES)
     modules = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
-    found: dict[tuple[str, str], set[str]] = defaultdict(set)
+    result: dict[tuple[str, str], set[str]] = defaultdict(set)
     for path in files:
         for _, imported in facts_of(path).imports:
             module, _, name = imported.rpartition(".")
             home = modules.get(module)
             if home is not None and imported not in modules and home.parent != path.parent:
-                found[home.relative_to(ROOT).as_posix(), name].add(path.relative_to(ROOT).as_posix())
-    return found
+                result[home.relative_to(ROOT).as_posix(), name].add(path.relative_to(ROOT).as_posix())
+    return result
 
 
 def test_a_widely_imported_name_stands_where_its_subject_is() -> None:
-    found = importers()
+    results = importers()
     listed = {(file, name) for file, (names, _) in LISTED.items() for name in names.split()}
     wrong = [
         f"{name} of {file}: {len(files)} modules import it"
-        for (file, name), files in found.items()
-        if len(files) > MOST and (file, name) not in listed
+        for (file, name), files in results.items()
+        if len(files) > MAX_IMPORTERS and (file, name) not in listed
     ]
     assert not wrong, "\n".join([*wrong, "Move it to a file of that subject, and list it there."])
-    gone = [f"{name} of {file}" for file, name in listed if len(found.get((file, name), ())) <= STILL_MANY]
+    gone = [f"{name} of {file}" for file, name in listed if len(results.get((file, name), ())) <= STILL_MANY]
     assert not gone, f"no longer needed in the list: {', '.join(sorted(gone))}"

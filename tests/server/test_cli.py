@@ -87,10 +87,10 @@ def test_errors_are_one_line(arguments: tuple[str, ...], words: str, tmp_path: P
 
 
 def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        done = imuscope("serve", "--port", str(taken.getsockname()[1]), "--data", str(tmp_path))
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        done = imuscope("serve", "--port", str(busy.getsockname()[1]), "--data", str(tmp_path))
     assert done.returncode == 1
     assert "Give another with --port" in done.stderr
     assert "Traceback" not in done.stderr
@@ -104,10 +104,10 @@ def test_without_a_source_simulators_of_three_families_stream(tmp_path: Path) ->
             return {one["protocol"]: one for one in devices if one["status"] == "live" and one["serial_number"]}
 
         block_until(lambda: len(live()) == 3, lambda: server.log)
-        found = live()
-        names = {protocol: one["name"] for protocol, one in found.items()}
+        results = live()
+        names = {protocol: one["name"] for protocol, one in results.items()}
         assert names == {"xbus": "MTi-630", "isb": "IMX-5", "idtp": "IDTP device 102"}
-        assert found["idtp"]["protection"] == "Safety, CRC-32"
+        assert results["idtp"]["protection"] == "Safety, CRC-32"
         assert "No source given" in server.log
 
 

@@ -36,14 +36,14 @@ from tests.support.read_library import ReadLibrary
 from tests.support.recorder_harness import send
 
 
-class Taken(MessageLink):
+class IdleMessageLink(MessageLink):
     """Messages of nowhere."""
 
     async def open(self, progress: object = None) -> None:
         self.begin()
 
 
-def kept(kind: type) -> int:
+def living(kind: type) -> int:
     """How many objects of a type there are."""
     gc.collect()
     return sum(type(one) is kind for one in gc.get_objects())
@@ -54,14 +54,14 @@ def test_a_recording_of_weeks_keeps_nothing_of_devices_that_were_removed(tmp_pat
     with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links.open) as running:
         recorder = running.services.recorder
         running.client.post("/api/recordings/start", json={})
-        before = kept(Session)
+        before = living(Session)
         for number in range(5):
             source = f"/dev/more{number}"
             device = running.client.post("/api/devices", json={"source": source}).json()["id"]
             send(running, links, source, sample(1))
             assert running.client.delete(f"/api/devices/{device}").status_code == 204
             links.pop(source)
-        assert kept(Session) <= before + 1  # the last one may just be closing
+        assert living(Session) <= before + 1  # the last one may just be closing
         assert len(running.call(lambda: recorder.current).recorded) == 6
         running.client.post("/api/recordings/stop", json={})
 
@@ -99,14 +99,14 @@ def test_the_result_of_the_last_export_goes_after_a_day(tmp_path: Path, monkeypa
 def test_messages_of_a_node_that_was_started_a_thousand_times_are_received() -> None:
     """Each start took a channel with a definition, which is repeated every two seconds, until none was left."""
     source = "foxglove://127.0.0.1:8765/imu"
-    link = Taken(source, LinkSettings(now_ns=lambda: 0), TopicSource.parse(SourceUrl.parse(source), 8765))
+    link = IdleMessageLink(source, LinkSettings(now_ns=lambda: 0), TopicSource.parse(SourceUrl.parse(source), 8765))
     about = ("/imu", "cdr", "sensor_msgs/msg/Imu", "ros2msg", b"float64 x")
     numbers = [link.channel(*about, publisher=f"run {run}") or link.channel(*about) for run in range(2000)]
     assert 0 not in numbers
     assert len(set(numbers)) == MOST_COUNTED + 1
 
 
-def test_files_that_are_gone_are_not_remembered_as_looked_at(tmp_path: Path) -> None:
+def test_files_that_are_gone_are_not_remembered_as_examined(tmp_path: Path) -> None:
     clients: Any = SimpleNamespace(shedding=SimpleNamespace(draws_pictures=True))
     bus, library = Telemetry.create(lambda: 0.0).bus, ReadLibrary(tmp_path)
     catalogue = Catalogue(bus, clients, library, ColumnCache(tmp_path, library.path), ForeignFiles())

@@ -50,16 +50,16 @@ def connected(running: InProcessServer) -> socket.socket:
     return socket.create_connection((host, int(port)), PATIENCE_S)
 
 
-def taken(running: InProcessServer) -> list[int]:
+def open_connections(running: InProcessServer) -> list[int]:
     """The descriptors that the server's side holds at its port."""
-    found = []
+    results = []
     for fd in map(int, os.listdir("/proc/self/fd")):
         with contextlib.suppress(OSError):
             if stat.S_ISSOCK(os.fstat(fd).st_mode):
                 with socket.socket(fileno=os.dup(fd)) as one:
                     if one.family == socket.AF_INET and running.url.endswith(f":{one.getsockname()[1]}"):
-                        found.append(fd)
-    return found
+                        results.append(fd)
+    return results
 
 
 def serving(folder: Path, **limits: float) -> InProcessServer:
@@ -95,14 +95,14 @@ def test_idle_connections_leave_descriptors_for_recordings(tmp_path: Path) -> No
     with serving(tmp_path, most=20, head_s=10 * PATIENCE_S) as running:
         block_until(lambda: answers(running), "it answers")
         idle = [connected(running) for _ in range(60)]
-        block_until(lambda: len(taken(running)) <= 21, "the listener, and 20 connections")
+        block_until(lambda: len(open_connections(running)) <= 21, "the listener, and 20 connections")
         for one in idle:
             one.close()
         # Once is enough: a late one of the 60 may still take the place of a connection that has been answered.
         block_until(lambda: answers(running), "there is room again")
 
 
-def test_an_idle_connection_makes_room_for_one_that_asks(tmp_path: Path) -> None:
+def test_an_idle_connection_makes_room_for_one_that_sends(tmp_path: Path) -> None:
     """Regression: a client with a thousand open connections and no token blocked all others, including /healthz."""
     with serving(tmp_path, most=20) as running:
         idle = [connected(running) for _ in range(40)]
@@ -118,12 +118,12 @@ def test_a_request_before_a_burst_of_connections_is_answered(tmp_path: Path) -> 
         assert running.loop is not None
         running.loop.call_soon_threadsafe(lambda: (blocked.set(), go_on.wait(PATIENCE_S)))
         assert blocked.wait(PATIENCE_S)
-        asks = held.enter_context(connected(running))
-        asks.sendall(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+        requests = held.enter_context(connected(running))
+        requests.sendall(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
         for _ in range(400):
             held.enter_context(connected(running))
         go_on.set()
-        assert asks.recv(12) == b"HTTP/1.1 200"
+        assert requests.recv(12) == b"HTTP/1.1 200"
 
 
 def test_websockets_leave_room_for_requests(tmp_path: Path) -> None:
@@ -257,9 +257,9 @@ raise SystemExit(compaction.main())
         command = [sys.executable, "-c", program, str(tmp_path / name)]
         run = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
         assert run.returncode == 1
-        told = json.loads(run.stdout)
-        assert told["packed"] is False
-        assert f"takes more {what} than it may have" in told["message"]
+        document = json.loads(run.stdout)
+        assert document["packed"] is False
+        assert f"takes more {what} than it may have" in document["message"]
 
 
 def test_limits_follow_the_file_and_the_machine() -> None:
@@ -281,10 +281,10 @@ def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:
         writer.add_metadata("device/0", {"product": "MTi-630"})
         writer.finish()
     began = time.process_time()
-    found = probe(path)
+    result = probe(path)
     assert time.process_time() - began < 5
-    assert found is not None
-    assert (len(found.devices), found.devices[-1].id) == (count, "0")  # the repeated event is the last
+    assert result is not None
+    assert (len(result.devices), result.devices[-1].id) == (count, "0")  # the repeated event is the last
 
 
 def test_a_small_chunk_that_unpacks_to_much_is_damage(tmp_path: Path) -> None:

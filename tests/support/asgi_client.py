@@ -36,7 +36,7 @@ class Answer:
         return self.body.decode()
 
 
-def ask(
+def send_request(
     app: ASGIApp,
     method: str,
     target: str,
@@ -51,10 +51,10 @@ def ask(
         target: path and query, as they stand in a request line.
         headers: as sent; Host is 192.0.2.1:8080 when they name none.
     """
-    asked = _ask(app, method, target, {"host": "192.0.2.1:8080", **(headers or {})}, client, body)
+    request = _send_request(app, method, target, {"host": "192.0.2.1:8080", **(headers or {})}, client, body)
     loop = _loop()
     try:
-        return loop.run_until_complete(asked)
+        return loop.run_until_complete(request)
     finally:
         if left := asyncio.all_tasks(loop):  # as asyncio.run, whose loop of its own took most of the time
             for task in left:
@@ -70,7 +70,9 @@ def _loop() -> asyncio.AbstractEventLoop:
     return loop
 
 
-async def _ask(app: ASGIApp, method: str, target: str, given: Mapping[str, str], client: str, body: bytes) -> Answer:
+async def _send_request(
+    app: ASGIApp, method: str, target: str, source: Mapping[str, str], client: str, body: bytes
+) -> Answer:
     path, _, query = target.partition("?")
     is_socket = method == "WS"
     scope: dict[str, Any] = {
@@ -81,7 +83,7 @@ async def _ask(app: ASGIApp, method: str, target: str, given: Mapping[str, str],
         "raw_path": path.encode(),
         "root_path": "",
         "query_string": query.encode(),
-        "headers": [(name.lower().encode(), value.encode("latin-1")) for name, value in given.items()],
+        "headers": [(name.lower().encode(), value.encode("latin-1")) for name, value in source.items()],
         "client": (client, 50_000),
         "server": ("192.0.2.1", 8080),
         "subprotocols": ["imuscope.v1", "foxglove.sdk.v1"],

@@ -100,12 +100,12 @@ def required() -> Path:
     return path
 
 
-def provide(say: Callable[[str], None]) -> Path | None:
+def provide(send: Callable[[str], None]) -> Path | None:
     """A Chromium, downloaded if necessary; `say` is called with one line per step."""
     if path := find():
-        say(f"Chromium: {path} ({version(path)})")
+        send(f"Chromium: {path} ({version(path)})")
         return path
-    say("Chromium: none on this machine; trying Playwright's own download")
+    send("Chromium: none on this machine; trying Playwright's own download")
     steps: list[tuple[str, list[list[str]]]] = [
         ("Playwright's download", [[sys.executable, "-m", "playwright", "install", "--only-shell", "chromium"]])
     ]
@@ -117,10 +117,10 @@ def provide(say: Callable[[str], None]) -> Path | None:
         failure = next(filter(None, map(_failure, commands)), "")
         find.cache_clear()
         if not failure and (path := find()):
-            say(f"Chromium: {path} ({version(path)}), from {name}")
+            send(f"Chromium: {path} ({version(path)}), from {name}")
             return path
-        say(f"Chromium: {name} did not give one that starts. {failure}".rstrip())
-    say("Chromium: still none. Install it (package chromium, or google-chrome), or name one in IMUSCOPE_CHROMIUM")
+        send(f"Chromium: {name} did not give one that starts. {failure}".rstrip())
+    send("Chromium: still none. Install it (package chromium, or google-chrome), or name one in IMUSCOPE_CHROMIUM")
     return None
 
 
@@ -137,7 +137,7 @@ def version(path: Path) -> str:
 
 # Asked in the page itself: each question from here takes 6 ms of a processor on its way, and thirty a second take more
 # than the page does. The number of times is limited for a page that is navigated away or closed meanwhile.
-_ASK = """async argument => {
+_EVALUATE = """async argument => {
   const look = () => (EXPRESSION
   );
   let found;
@@ -153,7 +153,7 @@ _ASK = """async argument => {
   }
   return [false, String(found)];
 }"""
-_EVERY_S, _ASKED_S = 0.03, 3.0
+_EVERY_S, _POLLED_S = 0.03, 3.0
 
 
 def until(page: Page | Frame, expression: str, argument: Any = None, *, timeout_s: float = PATIENCE_S) -> Any:
@@ -169,22 +169,24 @@ def until(page: Page | Frame, expression: str, argument: Any = None, *, timeout_
     """
     from playwright.sync_api import Error, Page
 
-    script = _ASK.replace("TIMES", str(round(_ASKED_S / _EVERY_S))).replace("EVERY_MS", str(round(1000 * _EVERY_S)))
+    script = _EVALUATE.replace("TIMES", str(round(_POLLED_S / _EVERY_S))).replace(
+        "EVERY_MS", str(round(1000 * _EVERY_S))
+    )
     script = script.replace("EXPRESSION", expression)
     deadline = time.monotonic() + timeout_s
     while True:
-        found: Any = None
+        result: Any = None
         try:
-            is_true, found = page.evaluate(script, argument)
+            is_true, result = page.evaluate(script, argument)
             if is_true:
-                return found
+                return result
         except Error as error:
             if page.is_closed() if isinstance(page, Page) else page.is_detached():
                 raise
-            found = error
+            result = error
             time.sleep(_EVERY_S)
         if time.monotonic() > deadline:
-            raise TimeoutError(f"not within {timeout_s:g} s: {expression} (last: {found!r})")
+            raise TimeoutError(f"not within {timeout_s:g} s: {expression} (last: {result!r})")
 
 
 def _first(*, is_shell: bool) -> Path | None:
@@ -197,8 +199,8 @@ def _first(*, is_shell: bool) -> Path | None:
 
 def _candidates() -> Iterator[Path]:
     for name in (*SHELLS, *NAMES):
-        if found := shutil.which(name):
-            yield Path(found)
+        if result := shutil.which(name):
+            yield Path(result)
     for place in PLACES:
         for name in (*SHELLS, *NAMES):
             if (path := Path(place) / name).is_file():

@@ -149,8 +149,8 @@ async def bench(port: int = 0, *, measuring: bool = False, **faults: int) -> Asy
 def outputs(rate: int, *identifiers: int) -> dict[str, object]:
     """An output configuration: time, and the given quantities at one rate."""
     accompanying = [{"data_identifier": one, "output_frequency": 0xFFFF} for one in (0x1020, 0x1060)]
-    asked = [{"data_identifier": one, "output_frequency": rate} for one in identifiers or (0x2010, 0x4020)]
-    return {"outputs": [*accompanying, *asked]}
+    requests = [{"data_identifier": one, "output_frequency": rate} for one in identifiers or (0x2010, 0x4020)]
+    return {"outputs": [*accompanying, *requests]}
 
 
 def at_rate(values: dict[str, object], code: int) -> dict[str, object]:

@@ -8,8 +8,8 @@ from imuscope.protocols.idtp.custom_payloads import written
 from imuscope.server.devices.decode.decode_options import DecodeOptions, checked_options
 
 
-def decode_options(protocol: str = "", *, schema: Any = None, **given: bytes | str | bool) -> DecodeOptions:
+def decode_options(protocol: str = "", *, schema: Any = None, **source: bytes | str | bool) -> DecodeOptions:
     """Decode options with these values: bytes of a key, rows of a schema, flags."""
-    texts = {name: value.hex() if isinstance(value, bytes) else str(value) for name, value in given.items()}
-    texts |= {name: "1" if value else "" for name, value in given.items() if isinstance(value, bool)}
+    texts = {name: value.hex() if isinstance(value, bytes) else str(value) for name, value in source.items()}
+    texts |= {name: "1" if value else "" for name, value in source.items() if isinstance(value, bool)}
     return checked_options(protocol, {**texts, "schema": written(schema) if schema else ""})

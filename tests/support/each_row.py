@@ -115,21 +115,21 @@ def _run_all(test: Test, every: Sequence[Row], fixtures: dict[str, Any]) -> None
 
 def _run_one(test: Test, number: int, row: Row, fixtures: dict[str, Any]) -> None:
     with ExitStack() as stack:
-        given = dict(fixtures)
-        if "tmp_path" in given:
-            given["tmp_path"] = given["tmp_path"] / f"row{number}"
-            given["tmp_path"].mkdir()
-        if "monkeypatch" in given:
-            given["monkeypatch"] = stack.enter_context(pytest.MonkeyPatch.context())
+        settings = dict(fixtures)
+        if "tmp_path" in settings:
+            settings["tmp_path"] = settings["tmp_path"] / f"row{number}"
+            settings["tmp_path"].mkdir()
+        if "monkeypatch" in settings:
+            settings["monkeypatch"] = stack.enter_context(pytest.MonkeyPatch.context())
         for capture in ("capsys", "capfd"):
-            if capture in given:
-                given[capture].readouterr()  # of the row before
-        run_test(test, {**given, **row.values})
+            if capture in settings:
+                settings[capture].readouterr()  # of the row before
+        run_test(test, {**settings, **row.values})
 
 
-def run_test(test: Test, given: dict[str, Any]) -> None:
+def run_test(test: Test, source: dict[str, Any]) -> None:
     """Call a test; one that is a coroutine runs in an event loop of its own."""
-    made = test(**given)
+    made = test(**source)
     if inspect.iscoroutine(made):
         asyncio.run(made)
 

@@ -73,8 +73,8 @@ class FakeLink(Link):
     async def close(self) -> None:
         return
 
-    def send(self, data: bytes, *, anew: bool = False) -> None:
-        chunk = Chunk(data, self.settings.now_ns(), anew)
+    def send(self, data: bytes, *, restart: bool = False) -> None:
+        chunk = Chunk(data, self.settings.now_ns(), restart)
         self.flow.arrivals.call((chunk,))
         self._queue.put_nowait(chunk)
 

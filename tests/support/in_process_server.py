@@ -92,8 +92,8 @@ class InProcessServer:
             answer = self.client.get(f"/api/recordings/{recording}")
             return answer.json()["channels"] if answer.status_code == 200 else None
 
-        found = block_until(channels, "the opened recording")
-        return [f"{one['name']}.{column['name']}" for one in found for column in one["columns"]]
+        results = block_until(channels, "the opened recording")
+        return [f"{one['name']}.{column['name']}" for one in results for column in one["columns"]]
 
     def publish(self, device: str, name: str, unit: str, columns: list[Any]) -> None:
         """Publish arrivals, times and values of a live device as a channel with the column y."""

@@ -59,11 +59,11 @@ class Good:
                     continue
                 if '"op":"channels"' in data:
                     self.channels.update({one["id"]: one for one in json.loads(data)["channels"]})
-                self.hear(data, time.time())
+                self.receive(data, time.time())
                 if '"op":"history_end"' in data:
                     self.subscribed.set()
 
-    def hear(self, text: str, now: float) -> None:
+    def receive(self, text: str, now: float) -> None:
         """Take one text message."""
 
     def take(self, data: bytes, now: float) -> None:
@@ -131,19 +131,19 @@ async def _flood(url: str, counted: list[int]) -> None:
     )
     async with _connected(url) as connection:
 
-        async def hear() -> None:
+        async def receive() -> None:
             async for data in connection:
                 counted[0] += isinstance(data, str) and ('"op":"pong"' in data or '"op":"error"' in data)
 
-        hearing = asyncio.create_task(hear())
+        receiving = asyncio.create_task(receive())
         try:
             while True:
                 for question in questions:
                     await connection.send(question)
                 await asyncio.sleep(0)  # a socket accepts megabytes at once, which would block the measurement
         finally:
-            hearing.cancel()
-            await asyncio.gather(hearing, return_exceptions=True)
+            receiving.cancel()
+            await asyncio.gather(receiving, return_exceptions=True)
 
 
 def _hung_up(connection: ClientConnection) -> bool:

@@ -28,14 +28,14 @@ class ReadLibrary(Library):
     def upload(self, path: Path) -> LibraryEntry:
         """Check a complete upload, and add it."""
         try:
-            found = check_upload(path)
+            result = check_upload(path)
         except BaseException:
             self.refuse(path)
             raise
-        return self.add_file(path, found, heading_of(path) if self.tables else ())
+        return self.add_file(path, result, heading_of(path) if self.tables else ())
 
     def _read(self) -> None:
         for path, stamp in self.unread().items():
-            found = probe(path)
-            is_table = bool(self.tables) and found is not None and found.format in TABLE_FORMATS
-            self.learn(path, stamp, found, heading_of(path) if is_table else ())
+            result = probe(path)
+            is_table = bool(self.tables) and result is not None and result.format in TABLE_FORMATS
+            self.learn(path, stamp, result, heading_of(path) if is_table else ())

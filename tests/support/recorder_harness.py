@@ -23,12 +23,12 @@ from tests.support.waiting import block_until
 def chunks(path: Path, topic: str = "rx/1") -> bytes:
     """All bytes of a channel, one after the other: from a device, or with `tx/1` to it."""
     with McapReader(path) as recording:
-        found = []
+        results = []
         for block in recording.blocks():
             channel = recording.topic(topic)
             if channel is not None:
-                found.append(block.joined(block.of(channel.id))[0])
-        return b"".join(found)
+                results.append(block.joined(block.of(channel.id))[0])
+        return b"".join(results)
 
 
 def send(running: InProcessServer, links: FakeLinks, source: str, data: bytes) -> None:
@@ -38,11 +38,11 @@ def send(running: InProcessServer, links: FakeLinks, source: str, data: bytes) -
 def settled(running: InProcessServer) -> RecorderState:
     """The state when all that waited has been written."""
 
-    def found() -> RecorderState | None:
+    def result() -> RecorderState | None:
         state: RecorderState = running.call(lambda: running.services.recorder.state)
         return state if state.behind_s == 0 or not state.running else None
 
-    state: RecorderState = block_until(found, "the recorder has written everything")
+    state: RecorderState = block_until(result, "the recorder has written everything")
     return state
 
 

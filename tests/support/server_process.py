@@ -100,7 +100,7 @@ def begun(
 
 
 def imuscope(
-    *words: str, given: bytes = b"", fresh: bool = False, by: ForkServer | None = None
+    *words: str, stdin: bytes = b"", fresh: bool = False, by: ForkServer | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Run `imuscope WORDS` to its end.
 
@@ -109,15 +109,15 @@ def imuscope(
         by: starts it instead of the fork server that all tests share.
     """
     by = by or nursery
-    with tempfile.TemporaryFile() as asked, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        asked.write(given)
-        asked.seek(0)
+    with tempfile.TemporaryFile() as request, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        request.write(stdin)
+        request.seek(0)
         if by is not None and not fresh:
-            status = by.start(words, asked.fileno(), out.fileno(), err.fileno()).wait(PATIENCE_S)
+            status = by.start(words, request.fileno(), out.fileno(), err.fileno()).wait(PATIENCE_S)
         else:
             command = [sys.executable, "-m", "imuscope.server.cli", *words]
             status = subprocess.run(
-                command, cwd=ROOT, stdin=asked, stdout=out, stderr=err, timeout=PATIENCE_S
+                command, cwd=ROOT, stdin=request, stdout=out, stderr=err, timeout=PATIENCE_S
             ).returncode
         for file in (out, err):
             file.seek(0)
@@ -185,7 +185,7 @@ class ServerProcess:
         """Everything printed so far."""
         return "".join(self.lines)
 
-    def ask(self, method: str, path: str, body: Any = None) -> Any:
+    def request(self, method: str, path: str, body: Any = None) -> Any:
         """One request to its API, the answer read from JSON."""
         content, head = None if body is None else json.dumps(body).encode(), {"content-type": "application/json"}
         request = urllib.request.Request(f"{self.url.rstrip('/')}{path}", content, head, method=method)
@@ -195,8 +195,8 @@ class ServerProcess:
     def wait_until_open(self, devices: int) -> None:
         """Wait until so many silent devices have their ports open: a port that is opened discards what came before."""
         block_until(
-            lambda: sum("is open" in one["message"] for one in self.ask("GET", "/api/devices")) == devices,
-            lambda: f"{devices} open ports: {self.ask('GET', '/api/devices')}",
+            lambda: sum("is open" in one["message"] for one in self.request("GET", "/api/devices")) == devices,
+            lambda: f"{devices} open ports: {self.request('GET', '/api/devices')}",
         )
 
     def stop(self) -> int:
@@ -223,8 +223,8 @@ class ServerProcess:
         assert self.process.stdout
         for line in self.process.stdout:
             self.lines.append(line)
-            if not self.url and (found := re.search(r"https?://[\w.:\[\]-]+", line)):
-                url = found[0].rstrip("/")
+            if not self.url and (match := re.search(r"https?://[\w.:\[\]-]+", line)):
+                url = match[0].rstrip("/")
                 # The machine's own name is printed then, which not every machine can look up.
                 self.url = re.sub(r"//.*(?=:)", "//localhost", url) if self._is_beyond_loopback else url
                 self._address.set()

@@ -95,8 +95,8 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
 
 def module_docstring(path: Path) -> str | None:
     """The docstring of the module; a file that opens with it is not parsed."""
-    if found := re.match(r'(?:#.*\n)*"""((?:[^\\]|\\.)*?)"""', text_of(path)):
-        return found[1]
+    if hit := re.match(r'(?:#.*\n)*"""((?:[^\\]|\\.)*?)"""', text_of(path)):
+        return hit[1]
     return ast.get_docstring(tree_of(path))
 
 

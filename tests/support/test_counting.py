@@ -35,7 +35,7 @@ def near_collection() -> Iterator[None]:
 @pytest.mark.usefixtures("near_collection")
 def test_finalizers_of_earlier_tests_do_not_count() -> None:
     with counted_calls() as calls:
-        kept = [[number] for number in range(2000)]
-    assert len(kept) == 2000
+        entries = [[number] for number in range(2000)]
+    assert len(entries) == 2000
     assert calls.count < 10
     assert gc.isenabled()

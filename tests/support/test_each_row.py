@@ -10,19 +10,19 @@ import pytest
 from tests.support import each_row
 from tests.support.each_row import RowsFailed
 
-SEEN: list[object] = []
+VISITED: list[object] = []
 
 
 @each_row.each_row("number", [1, 2, 3, 4])
 def odd(number: int) -> None:
-    SEEN.append(number)
+    VISITED.append(number)
     assert number % 2 == 1, "it is even"
 
 
 @each_row.each_row(("left", "right"), [(1, 2), (3, 4)], ids=["first", "second"])
 @each_row.each_row("letter", "ab", ids=str.upper)
 def product(left: int, right: int, letter: str) -> None:
-    SEEN.append((letter, left, right))
+    VISITED.append((letter, left, right))
 
 
 @each_row.each_row("number", range(2))
@@ -36,24 +36,24 @@ def own_folder(number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def some_skipped(number: int) -> None:
     if number == 1:
         pytest.skip("no capture")
-    SEEN.append(number)
+    VISITED.append(number)
 
 
 @each_row.each_row("number", [1, 2])
 async def awaited(number: int) -> None:
     await asyncio.sleep(0)
-    SEEN.append(number)
+    VISITED.append(number)
 
 
 @pytest.fixture(autouse=True)
-def nothing_seen() -> None:
-    SEEN.clear()
+def nothing_visited() -> None:
+    VISITED.clear()
 
 
 def test_every_row_runs_and_each_that_fails_is_named() -> None:
     with pytest.raises(RowsFailed, match="2 of 4 rows fail: 2, 4\nRun one again: pytest -k odd --row 2") as caught:
         odd()
-    assert SEEN == [1, 2, 3, 4]
+    assert VISITED == [1, 2, 3, 4]
     assert [error.__notes__ for error in caught.value.exceptions] == [["row: 2"], ["row: 4"]]
     assert "it is even" in str(caught.value.exceptions[0])
 
@@ -61,17 +61,17 @@ def test_every_row_runs_and_each_that_fails_is_named() -> None:
 def test_only_some_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(each_row, "only", "3")
     odd()
-    assert SEEN == [3]
+    assert VISITED == [3]
 
 
 def test_a_coroutine_is_awaited_for_each_row() -> None:
     awaited()
-    assert SEEN == [1, 2]
+    assert VISITED == [1, 2]
 
 
 def test_decorators_stack() -> None:
     product()
-    assert SEEN == [("a", 1, 2), ("b", 1, 2), ("a", 3, 4), ("b", 3, 4)]
+    assert VISITED == [("a", 1, 2), ("b", 1, 2), ("a", 3, 4), ("b", 3, 4)]
     assert [row.title for row in product.rows] == ["A-first", "B-first", "A-second", "B-second"]
 
 
@@ -83,7 +83,7 @@ def test_each_row_has_its_own_folder_and_environment(tmp_path: Path, monkeypatch
 def test_a_row_that_is_skipped_does_not_hide_the_others() -> None:
     with pytest.raises(pytest.skip.Exception, match="1 of 3 rows: 1: no capture"):
         some_skipped()
-    assert SEEN == [0, 2]
+    assert VISITED == [0, 2]
 
 
 def test_an_argument_that_the_test_does_not_take_is_named() -> None:

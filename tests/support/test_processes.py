@@ -55,12 +55,12 @@ def test_a_benchmark_reports_a_port_in_use(monkeypatch: pytest.MonkeyPatch) -> N
 
     class TakenFeed(serial_device.Feed):
         def __enter__(self) -> serial_device.Feed:
-            self.taken = os.open(self.terminal, os.O_RDWR | os.O_NOCTTY)
-            fcntl.flock(self.taken, fcntl.LOCK_EX)
+            self.holder = os.open(self.terminal, os.O_RDWR | os.O_NOCTTY)
+            fcntl.flock(self.holder, fcntl.LOCK_EX)
             return super().__enter__()
 
         def __exit__(self, *error: object) -> None:
-            os.close(self.taken)
+            os.close(self.holder)
             super().__exit__(*error)
 
     monkeypatch.setattr(fanout, "Feed", TakenFeed)

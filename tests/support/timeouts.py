@@ -23,11 +23,11 @@ connect = partial(websockets.sync.client.connect, open_timeout=PATIENCE_S)
 connecting = partial(websockets.asyncio.client.connect, open_timeout=PATIENCE_S)
 """A WebSocket, for tests with one."""
 
-_TRUST_NOBODY = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # the world's authorities take 50 ms to read, for each client
+_TRUST_NONE = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # the world's authorities take 50 ms to read, for each client
 
-http_client = partial(httpx.Client, timeout=PATIENCE_S, verify=_TRUST_NOBODY)
+http_client = partial(httpx.Client, timeout=PATIENCE_S, verify=_TRUST_NONE)
 """Asks a server without TLS; with `verify` one that has it."""
-get = partial(httpx.get, timeout=PATIENCE_S, verify=_TRUST_NOBODY)
+get = partial(httpx.get, timeout=PATIENCE_S, verify=_TRUST_NONE)
 
 
 def status_of(url: str) -> int:

@@ -63,27 +63,27 @@ class PlayedWire:
         self._step_ns = step_ns
         self._decoder = self._fresh()
         self._events: deque[Event] = deque()
-        self._asking = False
+        self._requesting = False
 
     def _fresh(self) -> Decoder:
         return PROTOCOLS[self.protocol].decoding.decoder()
 
     @property
-    def heard(self) -> bool:
+    def received(self) -> bool:
         """Do host and device speak at one rate?"""
         return self.baud is None or self.baud == self.device.baud
 
     def take(self, data: bytes) -> None:
         """Bytes from the device."""
-        if data and self.heard:
+        if data and self.received:
             self._decoder.feed(data, self.now_ns)
             self._events.extend(self._decoder.drain())
 
     def write(self, send: Send) -> None:
         self.sent.append(send)
-        heard = self.heard  # before: a device that resets answers at its old rate
-        data = self.device.receive(send.frame if heard else b"", self.now_ns)
-        if data and heard:
+        received = self.received  # before: a device that resets answers at its old rate
+        data = self.device.receive(send.frame if received else b"", self.now_ns)
+        if data and received:
             self._decoder.feed(data, self.now_ns)
             self._events.extend(self._decoder.drain())
 
@@ -95,9 +95,9 @@ class PlayedWire:
         end_ns = self.now_ns + round(act.timeout_s * 1e9)
         while True:
             while self._events:
-                found = act.match(self._events.popleft())
-                if found is not None:
-                    return found
+                hit = act.match(self._events.popleft())
+                if hit is not None:
+                    return hit
             if self.now_ns >= end_ns:
                 return None
             self.pass_time(min(self._step_ns, end_ns - self.now_ns) / 1e9)
@@ -111,9 +111,9 @@ class PlayedWire:
         """Perform one act; returns the value to send into the transaction. A Send after a wait discards unawaited
         events.
         """
-        asked, self._asking = self._asking, isinstance(act, Send)
+        request, self._requesting = self._requesting, isinstance(act, Send)
         if isinstance(act, Send):
-            if not asked:
+            if not request:
                 self._events.clear()
             return self.write(act)
         if isinstance(act, WaitFor):

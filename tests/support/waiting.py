@@ -10,7 +10,7 @@ from typing import Any
 from tests.support.timeouts import PATIENCE_S
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.002, 0.1
-SHARE = 0.2  # of the time that conditions may take: those that ask a server take the processor from it
+WAITING_SHARE = 0.2  # of the time that conditions may take: those that ask a server take the processor from it
 
 
 class _Pauses:
@@ -20,17 +20,17 @@ class _Pauses:
     """
 
     def __init__(self) -> None:
-        self._began = self._asked = time.monotonic()
+        self._began = self._polled = time.monotonic()
 
-    def ask(self) -> None:
+    def request(self) -> None:
         """The condition is asked now."""
-        self._asked = time.monotonic()
+        self._polled = time.monotonic()
 
     def next(self) -> float:
         """Seconds until it is asked again."""
         now = time.monotonic()
         pause = min(max(FIRST_PAUSE_S, (now - self._began) / 5), LONGEST_PAUSE_S)
-        return max(pause, min((now - self._asked) / SHARE, 10 * LONGEST_PAUSE_S))
+        return max(pause, min((now - self._polled) / WAITING_SHARE, 10 * LONGEST_PAUSE_S))
 
 
 async def until(condition: Callable[[], object], what: str) -> None:
@@ -43,7 +43,7 @@ async def until(condition: Callable[[], object], what: str) -> None:
     while not condition():
         assert time.monotonic() < end, f"after {PATIENCE_S:g} s still not: {what}"
         await asyncio.sleep(pauses.next())
-        pauses.ask()
+        pauses.request()
 
 
 def block_until(condition: Callable[[], Any], what: str | Callable[[], object], *, seconds: float = PATIENCE_S) -> Any:
@@ -59,8 +59,8 @@ def block_until(condition: Callable[[], Any], what: str | Callable[[], object], 
         AssertionError: it did not become true.
     """
     end, pauses = time.monotonic() + seconds, _Pauses()
-    while not (found := condition()):
+    while not (result := condition()):
         assert time.monotonic() < end, f"after {seconds:g} s still not: {what if isinstance(what, str) else what()}"
         time.sleep(pauses.next())
-        pauses.ask()
-    return found
+        pauses.request()
+    return result

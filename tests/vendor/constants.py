@@ -42,24 +42,24 @@ def constants(
     source = extra + "".join(f'#include "{header}"\n' for header in headers)
     text = _run([*compiler, "-E", "-"], source)
     own = _own_lines(text, headers)
-    found = dict(_enumerations(own))
+    results = dict(_enumerations(own))
     if macros:
         defined = re.findall(r"^#define (\w+) .", _run([*compiler, "-E", "-dM", "-"], source), re.MULTILINE)
-        found["macros"] = [name for name in defined if re.match(macros, name)]
-    names = sorted({name for members in found.values() for name in members})
+        results["macros"] = [name for name in defined if re.match(macros, name)]
+    names = sorted({name for members in results.values() for name in members})
     body = "".join(f'std::printf("{name} %lld\\n", (long long)({name}));\n' for name in names)
     program = f"#include <cstdio>\n{source}int main() {{\n{body}}}\n"
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "constants"
         _run([*compiler, "-", "-o", str(target)], program)
-        told = dict(line.split() for line in _run([str(target)], "").splitlines())
-    return {enum: {name: int(told[name]) for name in members} for enum, members in found.items()}
+        details = dict(line.split() for line in _run([str(target)], "").splitlines())
+    return {enum: {name: int(details[name]) for name in members} for enum, members in results.items()}
 
 
-def expressions(asked: Mapping[str, str], headers: Sequence[str], folders: Sequence[Path]) -> dict[str, int]:
+def expressions(request: Mapping[str, str], headers: Sequence[str], folders: Sequence[Path]) -> dict[str, int]:
     """Values of integer expressions of C++, by a key of one's own: sizes and places of fields."""
     source = "#include <cstdio>\n" + "".join(f'#include "{header}"\n' for header in headers)
-    body = "".join(f'std::printf("{key} %lld\\n", (long long)({text}));\n' for key, text in asked.items())
+    body = "".join(f'std::printf("{key} %lld\\n", (long long)({text}));\n' for key, text in request.items())
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "expressions"
         compiler = ["gcc", "-x", "c++", "-w", *(f"-I{one}" for one in folders), "-", "-o", str(target)]
@@ -67,8 +67,8 @@ def expressions(asked: Mapping[str, str], headers: Sequence[str], folders: Seque
         return {key: int(value) for key, value in (line.split() for line in _run([str(target)], "").splitlines())}
 
 
-def _run(command: Sequence[str], given: str) -> str:
-    done = subprocess.run(command, input=given, capture_output=True, text=True, check=False)
+def _run(command: Sequence[str], source: str) -> str:
+    done = subprocess.run(command, input=source, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(done.stderr[:2000])
     return done.stdout
@@ -77,23 +77,23 @@ def _run(command: Sequence[str], given: str) -> str:
 def _own_lines(text: str, headers: Sequence[str]) -> str:
     """Preprocessed text of these headers, without their includes."""
     names = {Path(header).name for header in headers}
-    kept, own = [], False
+    stored, own = [], False
     for line in text.splitlines():
         mark = re.match(r'# \d+ "([^"]+)"', line)
         if mark:
             own = Path(mark.group(1)).name in names
         elif own:
-            kept.append(line)
-    return _COMMENT.sub("", "\n".join(kept))
+            stored.append(line)
+    return _COMMENT.sub("", "\n".join(stored))
 
 
 def _enumerations(text: str) -> list[tuple[str, list[str]]]:
-    found = []
+    results = []
     for number, match in enumerate(_ENUM.finditer(text)):
         _, tag, body, alias = match.groups()
         members = [entry.group(1) for part in _parts(body) if (entry := _MEMBER.match(part))]
-        found.append((tag or alias or f"anonymous_{number}", members))
-    return found
+        results.append((tag or alias or f"anonymous_{number}", members))
+    return results
 
 
 def _parts(body: str) -> list[str]:

@@ -33,7 +33,7 @@ from imuscope.protocols.isb.streams import GPX_PRESETS, PRESETS
 from imuscope.protocols.schema.fields import Bits
 from tests.vendor.constants import Constants, constants, expressions
 
-KEPT = Path(__file__).parents[1] / "golden" / "isb" / "vendor.json"
+CONSTANTS_FILE = Path(__file__).parents[1] / "golden" / "isb" / "vendor.json"
 HEADERS = ("data_sets.h", "ISComm.h")
 MACROS = r"(RMC|GRMC|NMEA_RMC)_(BITS|OPTIONS|PRESET)_\w+|DID_[A-Z0-9_]+$"
 WRAP = 1 << 64
@@ -165,12 +165,12 @@ def _of_group(word: str, row: Bits, pool: Mapping[str, int], named: set[str]) ->
     most = (1 << row.width) - 1
     masks = [MASKS.get(row.doc, ""), row.doc + "_MASK", row.doc + "_BITMASK", row.doc]
     low = next((pool[row.doc + end] for end in ("_OFFSET", "_SHIFT") if row.doc + end in pool), row.low)
-    found = {pool[mask] & 0xFFFFFFFF for mask in masks if mask in pool}
+    results = {pool[mask] & 0xFFFFFFFF for mask in masks if mask in pool}
     named.update(masks)
     ours = most << row.low
-    if low != row.low or not (found & {most, ours} or word == "ePortMonPortType"):
-        told = ", ".join(map(hex, sorted(found))) or "no mask"
-        yield f"{word} bits {row.low}:{row.width} {row.name}: {told}, from bit {low}"
+    if low != row.low or not (results & {most, ours} or word == "ePortMonPortType"):
+        report = ", ".join(map(hex, sorted(results))) or "no mask"
+        yield f"{word} bits {row.low}:{row.width} {row.name}: {report}, from bit {low}"
     start = VALUES.get(row.doc, row.doc + "_")
     for value, meaning in row.choices.items():
         constant = start + meaning
@@ -227,18 +227,18 @@ def _hex(value: int | None) -> str:
 
 def _places(sdk: Path) -> Iterator[str]:
     """Sizes of structures and places of their fields."""
-    asked: dict[str, str] = {}
-    wanted: dict[str, int] = {}
+    request: dict[str, str] = {}
+    expected: dict[str, int] = {}
     for name, struct in TABLES.structs.items():
         base = _path(name)
-        asked[name], wanted[name] = f"sizeof({base})", struct.size
+        request[name], expected[name] = f"sizeof({base})", struct.size
         for field, at in struct.places:
             key = f"{name}:{field.name}"
-            asked[key], wanted[key] = f"(char*)&({base}.{field.name}) - (char*)&({base})", at
-    told = expressions(asked, HEADERS, [sdk / "src"])
-    for key, value in wanted.items():
-        if told[key] != value:
-            yield f"{key} is {value}; the header says {told[key]}"
+            request[key], expected[key] = f"(char*)&({base}.{field.name}) - (char*)&({base})", at
+    report = expressions(request, HEADERS, [sdk / "src"])
+    for key, value in expected.items():
+        if report[key] != value:
+            yield f"{key} is {value}; the header says {report[key]}"
 
 
 def _path(name: str) -> str:
@@ -254,15 +254,17 @@ def _path(name: str) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sdk", type=Path, help="a checked-out inertial-sense-sdk")
-    parser.add_argument("--write", action="store_true", help=f"keep names and numbers in {KEPT.name}")
-    given = parser.parse_args()
-    found = constants(HEADERS, [given.sdk / "src"], macros=MACROS)
-    lines = [*differences(found), *_places(given.sdk)]
+    parser.add_argument("--write", action="store_true", help=f"keep names and numbers in {CONSTANTS_FILE.name}")
+    options = parser.parse_args()
+    path = constants(HEADERS, [options.sdk / "src"], macros=MACROS)
+    lines = [*differences(path), *_places(options.sdk)]
     print("\n".join(lines) or "no difference")
-    if given.write:
+    if options.write:
         used = {*TABLES.words, *TABLES.choices, "eGpsNavFixStatus", "baud_rate_t", "can_baudrate_t", "macros"}
-        kept = {name: members for name, members in sorted(found.items()) if name in used}
-        KEPT.write_text(json.dumps({"source": SOURCE, "constants": kept}, indent=0) + "\n", encoding="utf-8")
+        entries = {name: members for name, members in sorted(path.items()) if name in used}
+        CONSTANTS_FILE.write_text(
+            json.dumps({"source": SOURCE, "constants": entries}, indent=0) + "\n", encoding="utf-8"
+        )
     return bool(lines)
 
 

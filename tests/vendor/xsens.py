@@ -21,7 +21,7 @@ from imuscope.protocols.schema.fields import Bits
 from imuscope.protocols.xbus import data_identifiers, enums, messages
 from tests.vendor.constants import Constants, constants
 
-KEPT = Path(__file__).parents[1] / "golden" / "xbus" / "vendor.json"
+CONSTANTS_FILE = Path(__file__).parents[1] / "golden" / "xbus" / "vendor.json"
 SOURCE = "Xsens_MTi_ROS_Driver_and_Ntrip_Client, lib/xspublic"
 TYPES = (
     *("statusflag", "baudcode", "canbaudcode", "deviceoptionflag", "resultvalue", "dataidentifier", "xbusmessageid"),
@@ -90,18 +90,18 @@ def _flags(
 
 
 def _rates(pool: Mapping[str, int]) -> Iterator[str]:
-    told: dict[int, int] = {}
+    subjects: dict[int, int] = {}
     for name, code in pool.items():
-        if found := _RATE.match(name):
-            whole, half, unit, tenth = found.groups()
+        if hit := _RATE.match(name):
+            whole, half, unit, tenth = hit.groups()
             thousand = 1_000_000 if unit == "MegaBaud" else 1000
-            told[code] = int(whole) * thousand + int(half or tenth or 0) * thousand // 10
+            subjects[code] = int(whole) * thousand + int(half or tenth or 0) * thousand // 10
     for code, words in enums.BAUD_CODES.items():
         rate = re.sub(r"\D", "", words)
-        if code != 0xFF and told.get(code) != int(rate):
-            yield f"baud code {code:#x} is {words}; the header says {told.get(code)}"
-    for code in told.keys() - enums.BAUD_CODES.keys():
-        yield f"there is no baud code {code:#x}, {told[code]} Bd"
+        if code != 0xFF and subjects.get(code) != int(rate):
+            yield f"baud code {code:#x} is {words}; the header says {subjects.get(code)}"
+    for code in subjects.keys() - enums.BAUD_CODES.keys():
+        yield f"there is no baud code {code:#x}, {subjects[code]} Bd"
 
 
 def _numbers(what: str, table: Mapping[int, str], pool: Mapping[str, int], apart: tuple[str, ...]) -> Iterator[str]:
@@ -132,17 +132,19 @@ def _messages(pool: Mapping[str, int]) -> Iterator[str]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("xspublic", type=Path, help="the folder xspublic")
-    parser.add_argument("--write", action="store_true", help=f"keep names and numbers in {KEPT.name}")
-    given = parser.parse_args()
-    folders = [given.xspublic, given.xspublic / "xstypes", given.xspublic / "xscontroller"]
+    parser.add_argument("--write", action="store_true", help=f"keep names and numbers in {CONSTANTS_FILE.name}")
+    options = parser.parse_args()
+    folders = [options.xspublic, options.xspublic / "xstypes", options.xspublic / "xscontroller"]
     headers = [*(f"xstypes/xs{name}.h" for name in TYPES), *(f"xscontroller/x{name}.h" for name in CONTROLLER)]
-    found: Constants = {}
+    results: Constants = {}
     for header in headers:  # one by one: two enumerations share names
-        found |= constants([header], folders)
-    lines = differences(found)
+        results |= constants([header], folders)
+    lines = differences(results)
     print("\n".join(lines) or "no difference")
-    if given.write:
-        KEPT.write_text(json.dumps({"source": SOURCE, "constants": found}, indent=0) + "\n", encoding="utf-8")
+    if options.write:
+        CONSTANTS_FILE.write_text(
+            json.dumps({"source": SOURCE, "constants": results}, indent=0) + "\n", encoding="utf-8"
+        )
     return bool(lines)
 
 

@@ -48,11 +48,11 @@ def recorded(name: str) -> Any:
 
 def shown(server: ServerProcess) -> dict[str, Any]:
     """Requests that Configure makes when a device is opened."""
-    found = {f"GET /api/devices/1/{what}": server.ask("GET", f"/api/devices/1/{what}") for what in SHOWN}
-    return {**found, "GET /api/build": server.ask("GET", "/api/build")}
+    results = {f"GET /api/devices/1/{what}": server.request("GET", f"/api/devices/1/{what}") for what in SHOWN}
+    return {**results, "GET /api/build": server.request("GET", "/api/build")}
 
 
-def heard(server: ServerProcess, kept: int = SAMPLES) -> dict[str, Any]:
+def received_from(server: ServerProcess, stored: int = SAMPLES) -> dict[str, Any]:
     """Frames sent to a newly opened page: the newest text of each kind, and samples."""
     texts: dict[str, Any] = {}
     samples: list[bytes] = []
@@ -71,7 +71,7 @@ def heard(server: ServerProcess, kept: int = SAMPLES) -> dict[str, Any]:
                 key = "entries" if text["op"] == "traffic" else text["op"]
                 text[key] = before[key] + text[key]
             texts[text["op"]] = text
-    return {"texts": list(texts.values()), "samples": [base64.b64encode(one).decode() for one in samples[-kept:]]}
+    return {"texts": list(texts.values()), "samples": [base64.b64encode(one).decode() for one in samples[-stored:]]}
 
 
 def edited(values: dict[str, Any]) -> list[tuple[str, Any]]:
@@ -110,22 +110,22 @@ def side(kind: str, snapshot: str = "") -> dict[str, str]:
 def record(family: str) -> None:
     """Write one file."""
     with tempfile.TemporaryDirectory() as folder, ServerProcess(f"sim:{family}", data=Path(folder)) as server:
-        while server.ask("GET", "/api/devices")[0]["status"] != "live":
+        while server.request("GET", "/api/devices")[0]["status"] != "live":
             time.sleep(0.1)
         time.sleep(3)  # the figures of a minute have started, and rare messages have arrived
-        page = heard(server, SAMPLES_OF.get(family, SAMPLES))
+        page = received_from(server, SAMPLES_OF.get(family, SAMPLES))
         unread = shown(server)
         read = dict(unread)
         if unread["GET /api/devices/1/forms"]["settings"]:
-            server.ask("POST", "/api/devices/1/read", {"settings": None, "reason": "", "confirmed": True})
-            while not server.ask("GET", "/api/devices/1/jobs")["done"]:
+            server.request("POST", "/api/devices/1/read", {"settings": None, "reason": "", "confirmed": True})
+            while not server.request("GET", "/api/devices/1/jobs")["done"]:
                 time.sleep(0.1)
             read = shown(server)
-            page["read"] = heard(server)["texts"]
+            page["read"] = received_from(server)["texts"]
             with_first = {"left": side("device"), "right": side("snapshot", read[SNAPSHOTS][-1]["name"]), "take": {}}
             for route, body in [*edited(read["GET /api/devices/1/values"]["values"]), ("compare", with_first)]:
                 place = f"POST /api/devices/1/{route}"
-                read[f"{place} {json.dumps(body, sort_keys=True)}"] = server.ask("POST", place[5:], body)
+                read[f"{place} {json.dumps(body, sort_keys=True)}"] = server.request("POST", place[5:], body)
     before = {place: answer for place, answer in unread.items() if answer != read.get(place) and "forms" not in place}
     _write(family, {"family": family, **page, "unread": before, "answers": read})
 
@@ -135,9 +135,9 @@ def record_scene(name: str) -> None:
     windows: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as folder, SCENES[name](Path(folder)) as server:
         time.sleep(3)
-        page = heard(server)
-        answers = {"GET /api/build": server.ask("GET", "/api/build")}
-        if recordings := server.ask("GET", "/api/recordings"):
+        page = received_from(server)
+        answers = {"GET /api/build": server.request("GET", "/api/build")}
+        if recordings := server.request("GET", "/api/recordings"):
             answers["GET /api/recordings"] = recordings
             if name == "library":
                 answers |= library_answers(server, recordings[0]["id"])
@@ -151,20 +151,20 @@ def record_scene(name: str) -> None:
 def recording_answers(server: ServerProcess, recording: str) -> dict[str, Any]:
     """Answers when a recording is opened and when a marker is added."""
     place = f"/api/recordings/{recording}"
-    while "channels" not in (detail := server.ask("GET", place)):  # it is decoded first
+    while "channels" not in (detail := server.request("GET", place)):  # it is decoded first
         time.sleep(0.1)
     t0, t1 = detail["t0"], detail["t1"]
     health = {
-        f"GET {place}/health?device={device['id']}": server.ask(
+        f"GET {place}/health?device={device['id']}": server.request(
             "GET", f"{place}/health?device={device['id']}&t0={t0}&t1={t1}"
         )
         for device in detail["devices"]
     }
     channels = ",".join(str(one["id"]) for one in detail["channels"] if one["kind"] != "table")
     query = f"t0={t0}&t1={t1}&base=device&partial=true&channels={channels}"
-    figures = {f"GET {place}/statistics": server.ask("GET", f"{place}/statistics?{query}")}
+    figures = {f"GET {place}/statistics": server.request("GET", f"{place}/statistics?{query}")}
     marker = {"text": "second look", "kind": "marker", "time": t0 + 1.5, "device": ""}
-    added = server.ask("POST", f"{place}/markers", marker)
+    added = server.request("POST", f"{place}/markers", marker)
     return {f"GET {place}": detail, **health, **figures, f"POST {place}/markers": added}
 
 
@@ -187,7 +187,7 @@ def library_answers(server: ServerProcess, recording: str) -> dict[str, Any]:
     answers: dict[str, Any] = {}
     for method, path, body in steps:
         words = f" {json.dumps(body, sort_keys=True)}" if body else ""
-        answers[f"{method} {path}{words}"] = server.ask(method, path, body)
+        answers[f"{method} {path}{words}"] = server.request(method, path, body)
     return answers
 
 

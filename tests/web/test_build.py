@@ -112,10 +112,10 @@ def test_licences_of_what_is_bundled_stand_beside_the_page(build: ModuleType) ->
     folder = build.WEB / "node_modules" / "preact"
     folder.mkdir(parents=True)
     (folder / "LICENSE").write_text("Permission is hereby granted")
-    told = build.notices()
-    assert "preact 10.0.0 (MIT)" in told
-    assert "Permission is hereby granted" in told
-    assert "vite" not in told
+    report = build.notices()
+    assert "preact 10.0.0 (MIT)" in report
+    assert "Permission is hereby granted" in report
+    assert "vite" not in report
 
 
 def test_a_build_without_git_takes_its_commit_from_the_environment(
@@ -147,7 +147,7 @@ def test_an_editable_installation_has_compiled_sources(build: ModuleType, monkey
     assert [path.name.partition(".")[0] for path in build.WEB.parent.rglob("*.pyc")] == ["app"]
 
 
-def test_machine_code_is_built_anew_after_a_pull_that_changed_a_kernel() -> None:
+def test_machine_code_is_built_again_after_a_pull_that_changed_a_kernel() -> None:
     """Regression: kernels that moved to files of another name were not, and decoding ran as plain Python."""
     keys = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["uv"]["cache-keys"]
     watched = {path for key in keys for path in ROOT.glob(key["file"])}

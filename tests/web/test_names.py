@@ -30,5 +30,5 @@ def test_no_name_is_exported_twice() -> None:
 def test_times_and_numbers_are_written_by_the_page_itself() -> None:
     """Never in the language and time zone of the browser: a time would be of another zone than all others."""
     sources = [path for path in sorted(SOURCES.rglob("*.ts*")) if ".test." not in path.name]
-    found = [path.name for path in sources if re.search(r"\.toLocale\w*\(", path.read_text(encoding="utf-8"))]
-    assert not found, f"{', '.join(found)}: use web/src/ui/format/format.ts"
+    match = [path.name for path in sources if re.search(r"\.toLocale\w*\(", path.read_text(encoding="utf-8"))]
+    assert not match, f"{', '.join(match)}: use web/src/ui/format/format.ts"

@@ -60,9 +60,9 @@ def test_recorded_recordings_are_those_of_today() -> None:
         for device in detail["devices"]:
             has_shape(answers[f"GET /api/recordings/{name}/health?device={device['id']}"], HealthHistory)
         sent = base64.b64decode(page["windows"][name])
-        found = []
+        results = []
         while sent:
             header = dict(zip(wire.HEADER_FIELDS, wire.HEADER.unpack_from(sent), strict=True))
-            found.append((header["channel"], header["columns"]))
+            results.append((header["channel"], header["columns"]))
             sent = sent[header["size"] :]
-        assert found == [(one["id"], len(one["columns"]) + 2) for one in detail["channels"]]
+        assert results == [(one["id"], len(one["columns"]) + 2) for one in detail["channels"]]

@@ -29,9 +29,9 @@ def test_no_two_style_sheets_have_the_same_rule() -> None:
             if len(body) >= LEAST:
                 places[body].append((path.relative_to(SOURCES), selector))
     assert len(places) > 300
-    twice = [found for found in places.values() if len({path for path, _ in found}) > 1]
+    twice = [results for results in places.values() if len({path for path, _ in results}) > 1]
     assert not twice, "share a class:\n" + "\n".join(
-        " = ".join(f"{path}: {selector}" for path, selector in found) for found in twice
+        " = ".join(f"{path}: {selector}" for path, selector in results) for results in twice
     )
 
 

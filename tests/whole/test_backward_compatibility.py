@@ -37,16 +37,16 @@ from imuscope.server.devices.decode.decode_options import DecodeOptions
 from tests.support.read_library import ReadLibrary
 from tests.support.server_process import ROOT
 
-KEPT = ROOT / "tests" / "golden" / "previous_formats"
-FORMATS = sorted(folder.name for folder in KEPT.iterdir())
+PREVIOUS = ROOT / "tests" / "golden" / "previous_formats"
+FORMATS = sorted(folder.name for folder in PREVIOUS.iterdir())
 FAMILIES = ("xbus", "isb", "idtp")
 NEWER = "was written by a newer imuscope (format {}; this one reads {})."
 
 
 @pytest.fixture(params=FORMATS)
-def kept(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+def previous(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """A copy of what one format left."""
-    return Path(shutil.copytree(KEPT / request.param, tmp_path / "kept"))
+    return Path(shutil.copytree(PREVIOUS / request.param, tmp_path / "kept"))
 
 
 FRAME = "ENU|NED|NWU|ECEF|WGS84"
@@ -54,16 +54,16 @@ RENAMED = {"time #2 (s)": "DID_BAROMETER.time (s)"}
 
 
 def test_the_previous_formats_stay_small() -> None:
-    assert sum(path.stat().st_size for path in KEPT.rglob("*") if path.is_file()) < 60_000 * len(FORMATS)
+    assert sum(path.stat().st_size for path in PREVIOUS.rglob("*") if path.is_file()) < 60_000 * len(FORMATS)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_a_recording_opens_with_its_values(kept: Path, family: str) -> None:
+def test_a_recording_opens_with_its_values(previous: Path, family: str) -> None:
     """Every message with the same number of samples and the same last value. Times are mapped again at each opening,
     possibly better, so only arrival is compared.
     """
-    then = json.loads((kept / "decoded.json").read_text(encoding="utf-8"))
-    made = decode_file(kept / f"{family}.mcap", kept / f"{family}.csv", DecodeOptions(), io.StringIO())
+    then = json.loads((previous / "decoded.json").read_text(encoding="utf-8"))
+    made = decode_file(previous / f"{family}.mcap", previous / f"{family}.csv", DecodeOptions(), io.StringIO())
     assert sorted(path.name for path in made) == sorted(name for name in then if name.startswith(family))
     for path in made:
         with path.open(newline="", encoding="utf-8") as file:
@@ -82,7 +82,7 @@ def _plain(heading: str) -> str:
 
     Columns are found by whole headings in files of today; this is for the values that were kept.
     """
-    return re.sub(rf"(; | \()({FRAME})( from body)?\)$", lambda found: ")" if found[1] == "; " else "", heading)
+    return re.sub(rf"(; | \()({FRAME})( from body)?\)$", lambda results: ")" if results[1] == "; " else "", heading)
 
 
 def _number(text: str) -> Any:
@@ -92,8 +92,8 @@ def _number(text: str) -> Any:
         return text
 
 
-def test_edits_of_a_recording_are_read(kept: Path) -> None:
-    (entry,) = [one for one in ReadLibrary(kept).all() if one.path.name == "xbus.mcap"]
+def test_edits_of_a_recording_are_read(previous: Path) -> None:
+    (entry,) = [one for one in ReadLibrary(previous).all() if one.path.name == "xbus.mcap"]
     assert (entry.title, entry.edits.tags, entry.edits.pinned) == ("Drive to the pond", ("outdoor", "föhn"), True)
     assert entry.edits.notes == "Two laps.\nWind from the west."
     (marker,) = entry.edits.markers
@@ -102,8 +102,8 @@ def test_edits_of_a_recording_are_read(kept: Path) -> None:
     assert entry.probe.damaged == ""
 
 
-def test_a_snapshot_is_read(kept: Path) -> None:
-    snapshot = from_text((kept / "snapshot.yaml").read_text(encoding="utf-8"))
+def test_a_snapshot_is_read(previous: Path) -> None:
+    snapshot = from_text((previous / "snapshot.yaml").read_text(encoding="utf-8"))
     assert (snapshot.protocol, snapshot.product, snapshot.serial_number) == ("xbus", "MTi-630-8A1G6", "0080A1B2")
     assert (snapshot.firmware, snapshot.title, snapshot.pinned) == ("1.12.0", "Before this change", True)
     assert snapshot.taken == 1795252226.0
@@ -116,10 +116,10 @@ def test_a_snapshot_is_read(kept: Path) -> None:
     assert snapshot.missing == {"CanConfig": "message unknown"}
 
 
-def test_a_rollback_record_is_found(kept: Path, tmp_path: Path) -> None:
+def test_a_rollback_record_is_found(previous: Path, tmp_path: Path) -> None:
     folder = tmp_path / "rollbacks"
     folder.mkdir()
-    shutil.copy(kept / "trial.json", folder / "xbus-0080A1B2.json")
+    shutil.copy(previous / "trial.json", folder / "xbus-0080A1B2.json")
     (record,) = RollbackStore(folder).all()
     assert record.old == {"Baudrate": {"baudrate": 2}}
     assert (record.old_baud, record.new_baud, record.restart, record.state) == (115_200, 921_600, True, "pending")
@@ -164,15 +164,15 @@ def test_a_recording_of_a_later_format_is_refused(tmp_path: Path) -> None:
     assert error.value.hint.startswith("Update imuscope")
     with pytest.raises(RecordingError, match="newer imuscope"):
         decode_file(path, tmp_path / "out.csv", DecodeOptions(), io.StringIO())
-    told = probe(path)
-    assert told is not None
-    assert (told.title, told.damaged, told.devices) == ("Later", f"It {words}", [])
+    report = probe(path)
+    assert report is not None
+    assert (report.title, report.damaged, report.devices) == ("Later", f"It {words}", [])
     (entry,) = ReadLibrary(tmp_path).all()
     assert entry.probe.damaged == f"It {words}"
 
 
 def test_edits_by_a_newer_imuscope_are_not_overwritten(tmp_path: Path) -> None:
-    shutil.copy(KEPT / "1" / "xbus.mcap", tmp_path)
+    shutil.copy(PREVIOUS / "1" / "xbus.mcap", tmp_path)
     beside = sidecar.sidecar_path(tmp_path / "xbus.mcap")
     beside.write_text('{"imuscope": 2, "title": {"en": "Pond"}}')
     library = ReadLibrary(tmp_path)
@@ -189,7 +189,7 @@ def test_edits_by_a_newer_imuscope_are_not_overwritten(tmp_path: Path) -> None:
 
 
 def test_a_snapshot_of_a_later_format_is_refused() -> None:
-    text = to_text(from_text((KEPT / "1" / "snapshot.yaml").read_text(encoding="utf-8")), {})
+    text = to_text(from_text((PREVIOUS / "1" / "snapshot.yaml").read_text(encoding="utf-8")), {})
     with pytest.raises(SnapshotError, match="This snapshot was written by a newer imuscope") as error:
         from_text(text.replace("imuscope: 1", "imuscope: 2"))
     assert error.value.hint.startswith("Update imuscope")
@@ -198,7 +198,7 @@ def test_a_snapshot_of_a_later_format_is_refused() -> None:
 
 
 def test_a_rollback_record_of_a_later_format_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    body = json.loads((KEPT / "1" / "trial.json").read_text())
+    body = json.loads((PREVIOUS / "1" / "trial.json").read_text())
     path = tmp_path / "xbus-1.json"
     path.write_text(json.dumps({"imuscope": 2, **body, "old": "elsewhere"}))
     assert RollbackStore(tmp_path).all() == []

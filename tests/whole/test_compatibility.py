@@ -23,11 +23,11 @@ DOOR = ROOT / "web" / "src" / "extensions" / "packages" / "door.ts"
 def version_in(name: str, constant: str) -> str:
     """Version that a file states; "" if the extension it belongs to was removed."""
     paths = [path for path in python_files("protocols", "recordings", "server") if path.as_posix().endswith(f"/{name}")]
-    found = [re.search(rf"^{constant}(?:: [^=]+)? = (\S+)", text_of(path), re.MULTILINE) for path in paths]
-    return found[0][1].strip('"') if found and found[0] else ""
+    match = [re.search(rf"^{constant}(?:: [^=]+)? = (\S+)", text_of(path), re.MULTILINE) for path in paths]
+    return match[0][1].strip('"') if match and match[0] else ""
 
 
-SAID = {
+DECLARED = {
     "recording (`.mcap`)": version_in("mcap/writer.py", "FORMAT"),
     "edits beside a recording": version_in("sidecar.py", "VERSION"),
     "snapshot of settings": version_in("configuration/snapshots.py", "FORMAT"),
@@ -50,22 +50,24 @@ OF_EXTENSIONS = {"panels of extension packages", "file of alarms", "evidence fil
 
 
 def test_each_promise_has_a_version() -> None:
-    assert set(PROMISES) - {"part", "---"} == set(SAID)
+    assert set(PROMISES) - {"part", "---"} == set(DECLARED)
 
 
-@each_row("name", SAID)
-def test_a_promise_names_the_version_that_is_said(name: str) -> None:
-    assert PROMISES[name][1] == SAID[name] or (name in OF_EXTENSIONS and not SAID[name])
+@each_row("name", DECLARED)
+def test_a_promise_names_the_version_that_is_reported(name: str) -> None:
+    assert PROMISES[name][1] == DECLARED[name] or (name in OF_EXTENSIONS and not DECLARED[name])
 
 
-def test_the_http_api_says_the_release_and_the_wire() -> None:
+def test_the_http_api_states_the_release_and_the_wire() -> None:
     openapi = generated_files.document()
     assert openapi["info"]["version"] == VERSION
     assert {"version", "wire"} <= set(openapi["components"]["schemas"]["Build"]["required"])
 
 
 def test_keys_of_a_fleet_have_the_version_of_its_reports() -> None:
-    assert version_in("fleet/model/keys.py", "ROOT").removeprefix("imuscope/") == SAID["reports of robots to a fleet"]
+    assert (
+        version_in("fleet/model/keys.py", "ROOT").removeprefix("imuscope/") == DECLARED["reports of robots to a fleet"]
+    )
 
 
 def test_the_version_is_that_of_the_project_file() -> None:

@@ -58,8 +58,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def options(family: str) -> DecodeOptions:
-    given = {"schema": every_message.SCHEMA} if family == "idtp" else {}
-    return checked_options(family, given)
+    values = {"schema": every_message.SCHEMA} if family == "idtp" else {}
+    return checked_options(family, values)
 
 
 @functools.cache
@@ -87,48 +87,48 @@ def brief(values: Any) -> tuple[float, ...]:
 
 def stored(columns: ColumnStore) -> Columns:
     """Every column of every channel: its channel's name, its own, its numbers."""
-    found: Columns = []
+    results: Columns = []
     for info in columns.manifest["channels"]:
         rows = columns.exact(info["id"], 0, columns.rows(info["id"]))
         names = [one["name"] for one in info["columns"]]
         assert len(names) == len(rows.columns)
         for name, values in zip(names, rows.columns, strict=True):
-            found.append((name if name != "value" else info["name"], brief(values)))
-    return found
+            results.append((name if name != "value" else info["name"], brief(values)))
+    return results
 
 
 # -- what is in a file, by readers of others ---------------------------------------------------------------------------
 
 
 def csv_columns(files: list[Path]) -> Columns:
-    found: Columns = []
+    results: Columns = []
     for path in files:
         with path.open(encoding="utf-8", newline="") as file:
             head, *rows = csv.reader(line for line in file if not line.startswith("#"))
         for at, name in enumerate(head):
-            found.append((name, brief([float(row[at]) for row in rows if _NUMBER.fullmatch(row[at])])))
-    return found
+            results.append((name, brief([float(row[at]) for row in rows if _NUMBER.fullmatch(row[at])])))
+    return results
 
 
 def parquet_columns(files: list[Path]) -> Columns:
-    found: Columns = []
+    results: Columns = []
     for path in files:
         table = pq.read_table(path)
         for name, column in zip(table.column_names, table.columns, strict=True):
             if not pa.types.is_string(column.type) and not pa.types.is_binary(column.type):
-                found.append((name, brief(column.drop_null().to_numpy(zero_copy_only=False))))
-    return found
+                results.append((name, brief(column.drop_null().to_numpy(zero_copy_only=False))))
+    return results
 
 
 def mcap_columns(files: list[Path]) -> Columns:
-    found: dict[tuple[str, str], list[float]] = {}
+    results: dict[tuple[str, str], list[float]] = {}
     (path,) = files
     with path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
             body = json.loads(message.data) if channel.message_encoding == "json" else {}
             for name, value in numbers_in(body):
-                found.setdefault((channel.topic, name), []).append(value)
-    return [(f"{topic}.{name}", brief(values)) for (topic, name), values in found.items()]
+                results.setdefault((channel.topic, name), []).append(value)
+    return [(f"{topic}.{name}", brief(values)) for (topic, name), values in results.items()]
 
 
 def numbers_in(body: Any, name: str = "") -> Iterator[tuple[str, float]]:
@@ -144,16 +144,16 @@ def numbers_in(body: Any, name: str = "") -> Iterator[tuple[str, float]]:
 
 def rrd_columns(files: list[Path]) -> Columns:
     (path,) = files
-    found: Columns = []
+    results: Columns = []
     for entity, batches in entities(path).items():
         for name in {name for batch in batches for name in batch.schema.names if "Scalars" in name}:
             lists = [
                 list(row or ()) for batch in batches if name in batch.schema.names for row in batch[name].to_pylist()
             ]
             for at in range(max(map(len, lists), default=0)):
-                found.append((entity, brief([row[at] for row in lists if at < len(row)])))
-            found.append((entity, brief([value for row in lists for value in row])))  # a table: rows of one time
-    return found
+                results.append((entity, brief([row[at] for row in lists if at < len(row)])))
+            results.append((entity, brief([value for row in lists for value in row])))  # a table: rows of one time
+    return results
 
 
 READERS: Mapping[str, Callable[[list[Path]], Columns]] = {

@@ -60,12 +60,12 @@ async def _talk(server: ServerProcess) -> None:
             return await socket.recv()
 
     async with asyncio.timeout(90):
-        said = await asyncio.gather(
+        message = await asyncio.gather(
             first("/ws", "imuscope.v1"),
             first("/viser", f"viser-v{viser.__version__}"),
             first("/rerun/live"),
             first("/foxglove", "foxglove.sdk.v1"),
         )
-    assert json.loads(said[0])["op"] == "hello"
-    assert all(said[1:3])
-    assert json.loads(said[3])["op"] == "serverInfo"
+    assert json.loads(message[0])["op"] == "hello"
+    assert all(message[1:3])
+    assert json.loads(message[3])["op"] == "serverInfo"

@@ -11,12 +11,12 @@ from tests.support.decode_options import decode_options
 from tests.support.each_row import each_row
 from tests.support.source_files import ROOT
 
-KEPT = ROOT / "tests" / "golden" / "previous_formats"
+PREVIOUS = ROOT / "tests" / "golden" / "previous_formats"
 
 
-@each_row("format_", sorted(path.name for path in KEPT.iterdir() if (path / "imuscope.toml").is_file()))
+@each_row("format_", sorted(path.name for path in PREVIOUS.iterdir() if (path / "imuscope.toml").is_file()))
 def test_a_configuration_file_of_a_former_version_is_read(format_: str) -> None:
-    config = load(KEPT / format_ / "imuscope.toml")
+    config = load(PREVIOUS / format_ / "imuscope.toml")
     assert (config.host, config.port, config.data) == ("0.0.0.0", 8081, Path("/var/lib/imuscope"))
     assert config.sources == ("/dev/ttyUSB0", "tcp://10.0.0.7:4000")
     assert config.reading() == decode_options("xbus", key=bytes(range(16)), min_mode="safety")

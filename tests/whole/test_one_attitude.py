@@ -39,9 +39,9 @@ def by_an_expression(q: Floats) -> list[float]:
     columns = [ColumnInfo(name=f"q{k}", dtype="f8") for k in range(4)]
     fields: dict[str, Any] = {"id": 1, "device": "1", "name": "Quaternion", "title": "Quaternion", "kind": "quaternion"}
     info = ChannelInfo(**fields, message="M", unit="", frame="", columns=columns)
-    [asked] = requested_signals([info], ["euler(Quaternion)"], zero_phase=True)
-    found = asked.signals(lambda column: (np.arange(3.0), np.full(3, q[column.at])))
-    return [float(one.values[0]) for one in found]
+    [request] = requested_signals([info], ["euler(Quaternion)"], zero_phase=True)
+    results = request.signals(lambda column: (np.arange(3.0), np.full(3, q[column.at])))
+    return [float(one.values[0]) for one in results]
 
 
 @each_row("row", ROWS, ids=lambda row: row["what"])

@@ -65,17 +65,17 @@ def test_parquet_has_the_bytes(opened: ColumnStore, tmp_path: Path) -> None:
     assert made["x_Imu3Gyr.parquet"]["Imu3GyrRest"].to_pylist() == REST
 
 
-def test_mcap_has_the_bytes_as_its_schema_says(opened: ColumnStore, tmp_path: Path) -> None:
+def test_mcap_has_the_bytes_as_its_schema_states(opened: ColumnStore, tmp_path: Path) -> None:
     (made,) = export("mcap", ExportRequest(opened), tmp_path / "x.mcap")
-    found: dict[str, list[bytes]] = {}
+    results: dict[str, list[bytes]] = {}
     with made.open("rb") as file:
         for schema, channel, message in make_reader(file).iter_messages():
             if channel.topic.endswith("/bytes"):
                 assert schema is not None
                 assert json.loads(schema.data)["properties"]["data"]["contentEncoding"] == "base64"
                 topic = channel.topic.partition("/")[2].partition("/")[2]
-                found.setdefault(topic, []).append(base64.b64decode(json.loads(message.data)["data"]))
-    assert found == {"0x80/bytes": OWN, "Imu3AccBytes/bytes": SHORT, "Imu3Gyr/Imu3GyrRest/bytes": REST}
+                results.setdefault(topic, []).append(base64.b64decode(json.loads(message.data)["data"]))
+    assert results == {"0x80/bytes": OWN, "Imu3AccBytes/bytes": SHORT, "Imu3Gyr/Imu3GyrRest/bytes": REST}
 
 
 def test_one_table_has_the_bytes(opened: ColumnStore, tmp_path: Path) -> None:
@@ -84,30 +84,32 @@ def test_one_table_has_the_bytes(opened: ColumnStore, tmp_path: Path) -> None:
     rows = list(csv.DictReader(made.read_text().splitlines()[1:]))
     for name in ("0x80.data", "Imu3AccBytes.data", "Imu3GyrRest"):
         (heading,) = (head for head in rows[0] if head.endswith(name))
-        wanted = {"0x80.data": OWN, "Imu3AccBytes.data": SHORT, "Imu3GyrRest": REST}[name]
-        found = list(dict.fromkeys(row[heading] for row in rows if row[heading]))
-        assert found == [one.hex() for one in wanted[-len(found) :]] or found == [one.hex() for one in wanted[:-1]]
-        assert len(found) >= COUNT - 1
+        expected = {"0x80.data": OWN, "Imu3AccBytes.data": SHORT, "Imu3GyrRest": REST}[name]
+        results = list(dict.fromkeys(row[heading] for row in rows if row[heading]))
+        assert results == [one.hex() for one in expected[-len(results) :]] or results == [
+            one.hex() for one in expected[:-1]
+        ]
+        assert len(results) >= COUNT - 1
 
 
 def test_rerun_has_the_bytes(opened: ColumnStore, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (made,) = export("rrd", ExportRequest(opened, title="r.mcap"), tmp_path / "x.rrd")
     assert capfd.readouterr().err == "", "Rerun warned of the dot in the name of the file"
-    (found,) = [batches for path, batches in entities(made).items() if path.endswith(name_of(("0x80 bytes",)))]
-    texts = [text for lists in column(found, "TextLog:text") for (text,) in lists.to_pylist()]
+    (result,) = [batches for path, batches in entities(made).items() if path.endswith(name_of(("0x80 bytes",)))]
+    texts = [text for lists in column(result, "TextLog:text") for (text,) in lists.to_pylist()]
     assert texts == [one.hex(" ") for one in OWN]
 
 
 def test_a_part_and_chosen_channels_have_their_bytes_alone(opened: ColumnStore, tmp_path: Path) -> None:
-    wanted = tuple(info["id"] for info in opened.manifest["channels"] if info["message"] == "0x80")
-    (made,) = export("csv", ExportRequest(opened, channels=wanted), tmp_path / "x.csv")
+    expected = tuple(info["id"] for info in opened.manifest["channels"] if info["message"] == "0x80")
+    (made,) = export("csv", ExportRequest(opened, channels=expected), tmp_path / "x.csv")
     assert [row["data"] for row in rows_of(made)] == [one.hex() for one in OWN]
     lo, hi = opened.span() or (math.nan, math.nan)
-    wish = ExportRequest(opened, t0=lo + (hi - lo) / 2, channels=wanted)
+    wish = ExportRequest(opened, t0=lo + (hi - lo) / 2, channels=expected)
     (made,) = export("csv", wish, tmp_path / "y.csv")
-    told = [row["data"] for row in rows_of(made)]
-    assert 13 <= len(told) <= 17
-    assert told == [one.hex() for one in OWN[-len(told) :]]
+    messages = [row["data"] for row in rows_of(made)]
+    assert 13 <= len(messages) <= 17
+    assert messages == [one.hex() for one in OWN[-len(messages) :]]
 
 
 def test_data_sets_without_a_public_layout_are_exported(tmp_path: Path) -> None:

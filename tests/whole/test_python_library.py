@@ -109,7 +109,7 @@ def test_a_step_of_the_clock_begins_a_segment(table: Path) -> None:
         assert [event.data["by_s"] for event in recording.events if event.data.get("kind") == "back"] == [-2.0]
 
 
-def test_what_could_not_be_read_is_said(tmp_path: Path) -> None:
+def test_what_could_not_be_read_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time (s),a,note\n1500000000,1,on\n1500000001,x,on\n1500000002,3,off\n")
     with imuscope.open(path) as recording:
@@ -123,9 +123,9 @@ def test_analyses_and_exports_are_those_of_the_command_line(drive: Path, tmp_pat
         figures = recording.analyse("psd", "RateOfTurn.x", begin_s=1, end_s=4)
         [path] = recording.export(tmp_path / "own.csv", signals=["Rate of turn"], begin_s=1)
         words = ("analyse", str(drive), "psd", "--signal", "RateOfTurn.x", "--from", "1", "--to", "4")
-        told = run_command(*words, "--format", "json", *data)
-        assert told.returncode == 0, told.stderr
-        assert json.loads(told.stdout) == json.loads(json.dumps(figures["RateOfTurn.x"]))
+        report = run_command(*words, "--format", "json", *data)
+        assert report.returncode == 0, report.stderr
+        assert json.loads(report.stdout) == json.loads(json.dumps(figures["RateOfTurn.x"]))
         header, *rows = path.read_text().splitlines()
         assert "RateOfTurn" in header or "Rate of turn" in header
         assert len(rows) == len(recording["RateOfTurn"].between(1, 1e6))

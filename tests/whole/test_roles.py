@@ -22,7 +22,7 @@ from imuscope.server.app.build import create_app
 from imuscope.server.services.extension import extensions
 from imuscope.server.settings.config import Config
 from imuscope.server.wire.codec import WireError, decode_text
-from tests.support.asgi_client import ACCEPTED, Answer, Reached, ask
+from tests.support.asgi_client import ACCEPTED, Answer, Reached, send_request
 from tests.support.each_row import each_row
 
 VIEW, CONTROL = "view-token-of-this-test", "control-token-of-this-test"
@@ -33,7 +33,7 @@ METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE", "TRACE", 
 
 # POST, because they carry values: what would be sent, would it fit, in what do two sides differ, figures of a range.
 # They change nothing.
-ASKING = {
+REQUESTING = {
     *(
         "/api/analysis/{name}",
         "/api/analysis/pairs",
@@ -80,12 +80,12 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Guard:
 def routes(guarded: Guard) -> list[Any]:
     """Every route of the application, including undocumented ones."""
     application: Any = guarded.app
-    found = list(_leaves(application.framework().routes))
+    results = list(_leaves(application.framework().routes))
     documented = {
         (path, method.upper()) for path, ways in application.framework().openapi()["paths"].items() for method in ways
     }
-    assert documented <= {(route.path, method) for route in found for method in getattr(route, "methods", None) or ()}
-    return found
+    assert documented <= {(route.path, method) for route in results for method in getattr(route, "methods", None) or ()}
+    return results
 
 
 def _leaves(routes: Any) -> Iterator[Any]:
@@ -102,7 +102,7 @@ def attempt(folder: Path, method: str, path: str, token: str, body: str = "") ->
     headers = {"authorization": f"Bearer {token}"} if token else {}
     if body:
         headers |= {"content-type": body, "content-length": "2"}
-    answer = ask(Guard(reached, access_to(folder)), method, path, headers)
+    answer = send_request(Guard(reached, access_to(folder)), method, path, headers)
     return answer, reached.role
 
 
@@ -125,11 +125,11 @@ def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
             if route.path in OPEN:
                 assert reached == "open", what
                 continue
-            looks = method in SAFE or (method == "POST" and route.path in ASKING)
+            views = method in SAFE or (method == "POST" and route.path in REQUESTING)
             if role in REFUSALS:
                 assert (answer.status, reached) == (401, ""), what
                 assert answer.json()["kind"] == REFUSALS[role], what
-            elif role == "control" or looks:
+            elif role == "control" or views:
                 assert (answer.status, reached) == (200, role), what
             else:
                 assert (answer.status, reached, answer.json()["kind"]) == (403, "", "view-only"), what
@@ -138,10 +138,10 @@ def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
 def test_read_only_routes_are_those_listed(routes: list[Any], tmp_path: Path) -> None:
     """An outdated entry in the list would authorise a route that is added later."""
     paths = {route.path for route in routes}
-    assert paths >= ASKING | OPEN | SOCKETS
+    assert paths >= REQUESTING | OPEN | SOCKETS
     rules = access_to(tmp_path).routes
     assert {route.path for route in routes if not rules.is_protected(path_on_robot(filled(route.path)))} == OPEN
-    assert not ASKING & {
+    assert not REQUESTING & {
         route.path for route in routes if {"PUT", "PATCH", "DELETE"} & set(getattr(route, "methods", ()) or ())
     }
 
@@ -151,13 +151,13 @@ def test_every_websocket_with_every_role(routes: list[Any], tmp_path: Path) -> N
     assert set(sockets) == SOCKETS  # an added one: state what it can change
     for path, role in itertools.product(sockets, TOKENS):
         answer, reached = attempt(tmp_path, "WS", filled(path), TOKENS[role])
-        wanted = (ACCEPTED, role) if role in ("view", "control") else (401, "")
-        assert (answer.status, reached) == wanted, (path, role)
+        expected = (ACCEPTED, role) if role in ("view", "control") else (401, "")
+        assert (answer.status, reached) == expected, (path, role)
 
 
 def test_websocket_messages_change_nothing() -> None:
     """All three requests: what is sent, how often, and a question for the time. All else goes over HTTP."""
-    asked = {
+    request = {
         one
         for one in vars(wire).values()
         if isinstance(one, type) and one.__name__ in ("Subscribe", "Interval", "Ping")
@@ -168,7 +168,7 @@ def test_websocket_messages_change_nothing() -> None:
             understood.add(type(decode_text(f'{{"op": "{name}", "channels": null, "history": 0, "t": 1, "s": 1}}')))
         except WireError:
             continue
-    assert understood == asked
+    assert understood == request
 
 
 def _has_op(one: Any) -> bool:
@@ -187,8 +187,8 @@ def _has_op(one: Any) -> bool:
 )
 def test_no_way_of_writing_a_path_leads_around_the_guard(path: str, guarded: Guard) -> None:
     """A path that resembles one of the page is answered by the page, and there is no such file."""
-    assert ask(guarded, "DELETE", path).status in (401, 404, 405)
-    assert ask(guarded, "GET", path).status in (401, 404)
+    assert send_request(guarded, "DELETE", path).status in (401, 404, 405)
+    assert send_request(guarded, "GET", path).status in (401, 404)
 
 
 def test_a_token_of_one_role_reveals_nothing_of_the_other(tmp_path: Path) -> None:
@@ -196,6 +196,6 @@ def test_a_token_of_one_role_reveals_nothing_of_the_other(tmp_path: Path) -> Non
     headers = {"cookie": f"{Access(settings(tmp_path)).cookie_name}={CONTROL}"}
     reached = Reached()
     guard = Guard(reached, Access(settings(tmp_path)))
-    assert ask(guard, "DELETE", f"/api/devices/1?token={VIEW}", headers).status == 403
-    assert ask(guard, "DELETE", "/api/devices/1", {**headers, "authorization": f"Bearer {VIEW}"}).status == 403
-    assert ask(guard, "DELETE", "/api/devices/1", headers).status == 200
+    assert send_request(guard, "DELETE", f"/api/devices/1?token={VIEW}", headers).status == 403
+    assert send_request(guard, "DELETE", "/api/devices/1", {**headers, "authorization": f"Bearer {VIEW}"}).status == 403
+    assert send_request(guard, "DELETE", "/api/devices/1", headers).status == 200

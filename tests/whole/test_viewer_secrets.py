@@ -23,7 +23,7 @@ from imuscope.server.access.auth import Access
 from imuscope.server.extensions.foxglove.worker import ConnectionGuard
 from imuscope.server.integrations.shared_secret import HEADER, SecretEndpoint, has_secret
 from imuscope.server.settings.config import Config
-from tests.server.extensions.viser.viser_client import looking, messages, subprotocol
+from tests.server.extensions.viser.viser_client import messages, subprotocol, viewing
 from tests.support.each_row import each_row
 from tests.support.forking.forked_workers import workers_of
 from tests.support.server_process import ServerProcess
@@ -40,12 +40,12 @@ def ports_of(parent: int) -> dict[str, int]:
         fields = line.split()
         if fields[3] == "0A":  # LISTEN
             inodes[f"socket:[{fields[9]}]"] = int(fields[1].partition(":")[2], 16)
-    found = {}
+    results = {}
     for name in ("viser", "foxglove"):
         for pid in workers_of(parent, f"imuscope.server.extensions.{name}.worker"):
             held = [path.readlink().name for path in Path(f"/proc/{pid}/fd").iterdir()]
-            found.update((name, inodes[inode]) for inode in held if inode in inodes)
-    return found
+            results.update((name, inodes[inode]) for inode in held if inode in inodes)
+    return results
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +65,8 @@ def tokens(guarded: ServerProcess) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def ports(guarded: ServerProcess, tokens: dict[str, str]) -> dict[str, int]:
     """Ports of viser and Foxglove, once both listen."""
-    asked = get(f"{guarded.url}/viser/", params={"token": tokens["view"]}, timeout=PATIENCE_S)
-    assert asked.status_code == 200
+    request = get(f"{guarded.url}/viser/", params={"token": tokens["view"]}, timeout=PATIENCE_S)
+    assert request.status_code == 200
     asyncio.run(_status(guarded.url.replace("http", "ws") + f"/foxglove?token={tokens['view']}", FOXGLOVE))
     return ports_of(guarded.process.pid)
 
@@ -181,19 +181,19 @@ async def test_viewers_change_nothing_in_a_shared_scene(
 
     async with (
         asyncio.timeout(90),
-        looking(guarded.url, f"/viser?token={tokens['view']}") as viewer,
-        looking(guarded.url, f"/viser?token={tokens['control']}") as controller,
+        viewing(guarded.url, f"/viser?token={tokens['view']}") as viewer,
+        viewing(guarded.url, f"/viser?token={tokens['control']}") as controller,
     ):
         before = await boxes(viewer)
         assert all(value for _, value in before.values())
         await viewer.send(update(before["Follow"][0]))
         await controller.send(update(before["Reference frame"][0]))
         checked = {uuid for uuid, _ in before.values()}  # the scene itself changes others: its list of devices
-        told: set[str] = set()
-        while not told:  # the others are notified of a change
+        subjects: set[str] = set()
+        while not subjects:  # the others are notified of a change
             updates = [one for one in messages(await viewer.recv()) if one["type"] == "GuiUpdateMessage"]
-            told = {one["uuid"] for one in updates if one["uuid"] in checked}
-        assert told == {before["Reference frame"][0]}
-        async with looking(guarded.url, f"/viser?token={tokens['view']}") as late:
+            subjects = {one["uuid"] for one in updates if one["uuid"] in checked}
+        assert subjects == {before["Reference frame"][0]}
+        async with viewing(guarded.url, f"/viser?token={tokens['view']}") as late:
             after = await boxes(late)
         assert {label for label, (_, value) in after.items() if not value} == {"Reference frame"}

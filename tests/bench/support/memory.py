@@ -12,7 +12,7 @@ import numpy as np
 from tests.support.processes import resident_mb
 
 EVERY_S = 5.0
-MAX_KEPT = 240  # points of a curve that is kept
+MAX_POINTS = 240  # points of a curve that is kept
 
 
 def curve(points: Sequence[tuple[float, float]], unit: str = "min") -> dict[str, Any]:
@@ -24,7 +24,7 @@ def curve(points: Sequence[tuple[float, float]], unit: str = "min") -> dict[str,
     if len(late) >= 3:
         times, megabytes = np.array(late).T
         slope = float(np.polyfit(times, megabytes, 1)[0])
-    thin = points[:: max(1, -(-len(points) // MAX_KEPT))]
+    thin = points[:: max(1, -(-len(points) // MAX_POINTS))]
     return {
         f"mb_per_{unit}": slope,
         "first_mb": points[0][1] if points else None,
@@ -43,15 +43,15 @@ class Memory:
         self.points: list[tuple[float, float]] = []
         self._began = time.monotonic()
 
-    def look(self) -> None:
+    def sample(self) -> None:
         """One point more."""
         self.points.append(((time.monotonic() - self._began) / 60, resident_mb(self._pid)))
 
     async def watch(self) -> None:
         """Look again and again."""
         while True:
-            self.look()
+            self.sample()
             await asyncio.sleep(self._every_s)
 
-    def told(self) -> dict[str, Any]:
+    def curve(self) -> dict[str, Any]:
         return curve(self.points)

@@ -36,12 +36,12 @@ def seconds_of(pid: int) -> float:
 
 def switches_of(pid: int) -> dict[tuple[int, int], int]:
     """Context switches so far of each (process, thread)."""
-    found = {}
+    results = {}
     for status in (PROC / str(pid) / "task").glob("*/status"):
         with contextlib.suppress(OSError):
             lines = [line for line in status.read_text().splitlines() if "ctxt_switches" in line]
-            found[pid, int(status.parent.name)] = sum(int(line.split()[1]) for line in lines)
-    return found
+            results[pid, int(status.parent.name)] = sum(int(line.split()[1]) for line in lines)
+    return results
 
 
 def memory_mb(pid: int) -> float:

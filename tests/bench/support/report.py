@@ -42,13 +42,13 @@ def machine() -> dict[str, Any]:
 
 def versions(extra: Mapping[str, str] | None = None) -> dict[str, str]:
     """Versions of what takes part."""
-    found = {"python": platform.python_version()}
+    results = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
-            found[name] = version(name)
+            results[name] = version(name)
         except PackageNotFoundError:
             continue
-    return {**found, **(extra or {})}
+    return {**results, **(extra or {})}
 
 
 def options_of(description: str, **more: Any) -> argparse.ArgumentParser:
@@ -58,9 +58,9 @@ def options_of(description: str, **more: Any) -> argparse.ArgumentParser:
     return parser
 
 
-def status_of(kept: Mapping[str, bool]) -> int:
+def status_of(stored: Mapping[str, bool]) -> int:
     """Exit status of a benchmark: 1 if a promise was not kept, each of which is printed."""
-    if broken := [promise for promise, ok in kept.items() if not ok]:
+    if broken := [promise for promise, ok in stored.items() if not ok]:
         print(json.dumps(broken), file=sys.stderr)
     return int(bool(broken))
 
@@ -71,13 +71,13 @@ def report(name: str, figures: Mapping[str, Any], *, extra_versions: Mapping[str
     print(json.dumps(rounded), flush=True)
     if "--save" in sys.argv:
         RESULTS.mkdir(exist_ok=True)
-        kept = {
+        entries = {
             **rounded,
             "date": datetime.now(UTC).date().isoformat(),
             "machine": machine(),
             "versions": versions(extra_versions),
         }
-        (RESULTS / f"{name}.json").write_text(json.dumps(kept, indent=2, ensure_ascii=False) + "\n")
+        (RESULTS / f"{name}.json").write_text(json.dumps(entries, indent=2, ensure_ascii=False) + "\n")
 
 
 def _rounded(value: Any) -> Any:

@@ -91,21 +91,21 @@ class Speakers(SendingProcess):
         return self._result
 
 
-def heard_in(paths: Sequence[Path]) -> dict[str, dict[str, int]]:
+def received_in(paths: Sequence[Path]) -> dict[str, dict[str, int]]:
     """Contents of a recording, in parts or not, by device: {"1": {"bytes", "crc32"}}; received data only."""
-    found: dict[str, dict[str, int]] = {}
+    results: dict[str, dict[str, int]] = {}
     for path in paths:
         for part in open_file(path).parts():
             if part.direction == "rx":
-                one = found.setdefault(part.device, {"bytes": 0, "crc32": 0})
+                one = results.setdefault(part.device, {"bytes": 0, "crc32": 0})
                 one["bytes"] += len(part.data)
                 one["crc32"] = zlib.crc32(part.data, one["crc32"])
-    return found
+    return results
 
 
-def is_whole(heard: dict[str, dict[str, int]], sent: Sequence[dict[str, Any]]) -> bool:
+def is_whole(received: dict[str, dict[str, int]], sent: Sequence[dict[str, Any]]) -> bool:
     """Whether a recording has, of each device, the bytes that it has sent."""
-    ours, theirs = (sorted((one["bytes"], one["crc32"]) for one in some) for some in (heard.values(), sent))
+    ours, theirs = (sorted((one["bytes"], one["crc32"]) for one in some) for some in (received.values(), sent))
     return ours == theirs
 
 

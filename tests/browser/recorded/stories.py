@@ -56,7 +56,7 @@ _NO_STORE = {
     "memory_mb": 1024,
     "questions": [],
 }
-USUAL: dict[str, Answer] = {
+USUAL_STORIES: dict[str, Answer] = {
     "GET /api/ports": [],
     "GET /api/extensions": [],
     "GET /api/query": _NO_STORE,
@@ -87,11 +87,11 @@ class Story:
         scenes = [recorded(name) for name in names]
         self.texts: list[Any] = scenes[0].get("read", scenes[0]["texts"])
         self.samples = [base64.b64decode(one) for one in scenes[0]["samples"]]
-        self.answers = dict(USUAL)
+        self.answers = dict(USUAL_STORIES)
         for scene in scenes:
             self.answers |= scene["answers"]
         self.answers |= answers or {}
-        self.asked: list[str] = []
+        self.requests: list[str] = []
         self._pages: list[Page] = []
         self._ended = threading.Event()
         handler = type("Handler", (_Handler,), {"story": self})
@@ -128,13 +128,13 @@ class Story:
 
     def answer(self, method: str, path: str, body: str) -> Answer:
         """What is recorded for a request; None if nothing is."""
-        self.asked.append(f"{method} {path}")
+        self.requests.append(f"{method} {path}")
         place, _, query = path.partition("?")
         ordered = f" {json.dumps(json.loads(body), sort_keys=True)}" if body else ""
         for key in (f"{method} {path}{ordered}", f"{method} {path}", f"{method} {place}{ordered}", f"{method} {place}"):
             if key in self.answers:
-                found = self.answers[key]
-                return found(parse_qs(query), json.loads(body or "null")) if callable(found) else found
+                result = self.answers[key]
+                return result(parse_qs(query), json.loads(body or "null")) if callable(result) else result
         below = (key for key in self.answers if key.endswith("/*") and f"{method} {place}".startswith(key[:-1]))
         return next((self.answers[key] for key in below), None)
 
@@ -167,12 +167,12 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self) -> None:
         body = self.rfile.read(int(self.headers.get("content-length") or 0)).decode()
-        found = self.story.answer(self.command, self.path, body)
-        if isinstance(found, bytes):
-            return self._send(200, found, "image/png" if found.startswith(PNG) else "application/octet-stream")
+        result = self.story.answer(self.command, self.path, body)
+        if isinstance(result, bytes):
+            return self._send(200, result, "image/png" if result.startswith(PNG) else "application/octet-stream")
         missing = {"kind": "not-found", "message": f"Nothing was recorded of {self.path}.", "hint": ""}
-        status, told = (404, missing) if found is None else (200, found)
-        return self._send(status, json.dumps(told).encode(), "application/json")
+        status, report = (404, missing) if result is None else (200, result)
+        return self._send(status, json.dumps(report).encode(), "application/json")
 
     do_POST = _answer  # noqa: N815 (the base class calls these)
     do_PUT = _answer  # noqa: N815

@@ -25,7 +25,7 @@ from tests.browser.recorded.stories import Story
 from tests.support.chromium import until
 
 DIALOG = "document.querySelector('dialog[open]')"
-SEEN = "document.querySelectorAll('.calibration-halves .seen').length"
+SEEN_HALVES = "document.querySelectorAll('.calibration-halves .seen').length"
 START = 1_760_000_000.0
 CLIENT = {
     **{"number": 3, "peer": "127.0.0.1:50312", "name": "127.0.0.1:50312", "limited": False, "may_write": True},
@@ -53,8 +53,8 @@ def laid_down(seconds: float) -> CalibrationReport:
 
 def state(report: CalibrationReport | None, is_running: bool) -> Any:
     kinds = [AvailableCalibration(kind=one.kind, title=one.title, problem="", hint="") for one in METHODS.values()]
-    found = CalibrationState(available=kinds, is_running=is_running, report=report, write=None)
-    return found.model_dump(mode="json")
+    result = CalibrationState(available=kinds, is_running=is_running, report=report, write=None)
+    return result.model_dump(mode="json")
 
 
 def usable(page: Page, *, colours: bool = True) -> None:
@@ -85,7 +85,7 @@ def test_dialogs_of_a_device_on_a_phone(open_page: Callable[..., Page]) -> None:
         page.locator(".bar .device-name").click()
         click(page, "button", "Calibrate", "document.querySelector('.calibration-kinds') !== null", exact=True)
         usable(page, colours=False)
-        click(page, "button", "Magnetometer", f"{SEEN} > 3")
+        click(page, "button", "Magnetometer", f"{SEEN_HALVES} > 3")
         assert page.get_by_role("button", name="Finish now").is_disabled()
         assert "Not yet: Only" in page.evaluate(f"{DIALOG}.innerText")
         assert page.evaluate("document.querySelectorAll('.calibration-halves circle').length") == 1

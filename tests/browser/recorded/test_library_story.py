@@ -28,7 +28,7 @@ AS_IT_IS = {"reading": {}, "is_chosen": False, "is_table": False, "about": "", "
 def answers() -> dict[str, Any]:
     """Windows of the recordings: all samples of the channels asked for, and health by device."""
     scene = recorded("recordings")
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     for name, whole in scene["windows"].items():
         frames: dict[str, bytes] = {}
         data, at = base64.b64decode(whole), 0
@@ -43,9 +43,9 @@ def answers() -> dict[str, Any]:
         def health(query: dict[str, list[str]], _: Any, name: str = name) -> Any:
             return scene["answers"][f"GET /api/recordings/{name}/health?device={query['device'][0]}"]
 
-        found |= {f"GET /api/recordings/{name}/window": window, f"GET /api/recordings/{name}/health": health}
-        found[f"GET /api/recordings/{name}/reading"] = AS_IT_IS
-    return found
+        results |= {f"GET /api/recordings/{name}/window": window, f"GET /api/recordings/{name}/health": health}
+        results[f"GET /api/recordings/{name}/reading"] = AS_IT_IS
+    return results
 
 
 def named_at_length(detail: Any) -> Any:
@@ -60,8 +60,8 @@ def test_a_desktop(open_page: Callable[..., Page]) -> None:
     scene = recorded("recordings")
     notes = [one | {"notes": "Turn [09:46:42.000]"} for one in scene["answers"]["GET /api/recordings"]]
     long_names = named_at_length(scene["answers"]["GET /api/recordings/yard"])
-    told = answers() | {"GET /api/recordings": notes, "GET /api/recordings/yard": long_names}
-    with Story("recordings", answers=told) as story:
+    report = answers() | {"GET /api/recordings": notes, "GET /api/recordings/yard": long_names}
+    with Story("recordings", answers=report) as story:
         page = story.open(open_page, "/#/recordings")
         until(page, f"{FIRST} !== null")
         page.locator(".recording-list tbody tr").first.click(position={"x": 30, "y": 20})

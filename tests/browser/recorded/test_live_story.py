@@ -34,7 +34,7 @@ def test_a_desktop_and_a_tablet(open_page: Callable[..., Page]) -> None:
         assert page.evaluate("document.getAnimations().filter(a => a.playState === 'running').length") == 0
         assert serious(page) == []
 
-        seen = set()
+        visited = set()
         for _ in range(12):
             page.keyboard.press("Tab")
             ring = page.evaluate("""() => {
@@ -42,9 +42,9 @@ def test_a_desktop_and_a_tablet(open_page: Callable[..., Page]) -> None:
               const isSeen = style.outlineStyle !== "none" && parseFloat(style.outlineWidth) >= 2;
               return [element.outerHTML.slice(0, 80), isSeen];
             }""")
-            seen.add(ring[0])
+            visited.add(ring[0])
             assert ring[1], f"no focus ring on {ring[0]}"
-        assert len(seen) > 5
+        assert len(visited) > 5
 
         lane = page.locator(".lane-names button").nth(1)
         lane.focus()

@@ -64,11 +64,11 @@ def test_a_tail_that_always_waits_for_the_timer_adds_no_offset(baud: int, rate: 
     assert 1000 / rate > 16
     assert size % PACKET
     way = Way(baud, timer_ms=16)
-    given = stream(ModelDevice(((rate, size),), ppm=40), way, 25, seed=1)
-    late = settled(given)
-    told = mapped(given)
-    assert np.ptp(errors(given, told)[late]) < 0.1 * MS
-    assert np.abs(errors(given, told)[late]).max() < 0.2 * MS
-    assert told.clock.spread.bursts, "and what the adapter does is seen"
-    blind = mapped(given, ClockSync(given.byte_ns))
-    assert np.abs(errors(given, blind)[late]).min() > 13 * MS
+    source = stream(ModelDevice(((rate, size),), ppm=40), way, 25, seed=1)
+    late = settled(source)
+    report = mapped(source)
+    assert np.ptp(errors(source, report)[late]) < 0.1 * MS
+    assert np.abs(errors(source, report)[late]).max() < 0.2 * MS
+    assert report.clock.spread.bursts, "and what the adapter does is seen"
+    blind = mapped(source, ClockSync(source.byte_ns))
+    assert np.abs(errors(source, blind)[late]).min() > 13 * MS

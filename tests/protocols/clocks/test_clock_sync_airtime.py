@@ -35,26 +35,26 @@ BAUDS = (115_200, 460_800, 921_600)
 FULLEST = 0.85  # of a line: above, frames queue for good
 
 
-def clock_of(given: ModelStream, way: Way) -> ClockSync:
+def clock_of(source: ModelStream, way: Way) -> ClockSync:
     """The clock as a session creates it: a timer of 1 ms is known from sysfs; 16 ms is assumed to be unknown."""
     holds_ns = way.timer_ms * MS if 0 < way.timer_ms <= 1 else 0
-    return ClockSync(given.byte_ns, holds_ns=holds_ns, pieces=given.pieces())
+    return ClockSync(source.byte_ns, holds_ns=holds_ns, pieces=source.pieces())
 
 
 def held(
-    given: ModelStream, way: Way, begins: tuple[float, ...] = (0.0,), *, spread_ns: float = SPREAD_NS
+    source: ModelStream, way: Way, begins: tuple[float, ...] = (0.0,), *, spread_ns: float = SPREAD_NS
 ) -> ClockSync:
     """All guarantees for a stream; `begins`: start or step of its clock, s."""
-    told = mapped(given, clock_of(given, way))
-    error = errors(given, told)
-    assert (np.diff(told.host) > 0).all(), "never backwards"
+    report = mapped(source, clock_of(source, way))
+    error = errors(source, report)
+    assert (np.diff(report.host) > 0).all(), "never backwards"
     for begin, over in zip(begins, [*begins[1:], np.inf], strict=True):
-        late = settled(given, begins=(begin,)) & (given.true < over * S)
+        late = settled(source, begins=(begin,)) & (source.true < over * S)
         assert late.any()
         assert np.ptp(error[late]) <= spread_ns
-        assert (np.abs(error[late]) <= told.bound[late]).all()
-    assert told.clock.restarts == len(begins) - 1
-    return told.clock
+        assert (np.abs(error[late]) <= report.bound[late]).all()
+    assert report.clock.restarts == len(begins) - 1
+    return report.clock
 
 
 def lines() -> list[tuple[int, int, int]]:
@@ -76,11 +76,11 @@ def test_a_line_without_an_adapter(baud: int, rate: int, size: int, ppm: float) 
 def test_an_adapter_that_gathers_62_bytes_or_waits_16_ms(baud: int, rate: int, size: int, ppm: float) -> None:
     """Consecutive samples are evenly spaced although they arrive in bursts."""
     way = Way(baud, timer_ms=16, loss=0.05)
-    given = stream(ModelDevice(((rate, size),), ppm), way, 25, seed=rate)
-    held(given, way)
-    late = np.flatnonzero(settled(given))
-    told = mapped(given, clock_of(given, way)).host[late]
-    steps = np.diff(told) / np.diff(given.true[late])
+    source = stream(ModelDevice(((rate, size),), ppm), way, 25, seed=rate)
+    held(source, way)
+    late = np.flatnonzero(settled(source))
+    report = mapped(source, clock_of(source, way)).host[late]
+    steps = np.diff(report) / np.diff(source.true[late])
     grain = 500 * rate / S  # float64 seconds since 1970 resolve 0.24 µs
     assert np.abs(steps - 1).max() < 0.006 + grain
 
@@ -107,50 +107,50 @@ def any_stream(seed: int) -> tuple[ModelDevice, Way]:
 def test_any_line_and_adapter(seed: int, is_known: bool) -> None:
     """The last five cases were the worst of 600 before chunk_boundaries.py provided arrival times within chunks."""
     device, way = any_stream(seed)
-    given = stream(device, way, 30, seed=seed)
-    clock = clock_of(given, way)
+    source = stream(device, way, 30, seed=seed)
+    clock = clock_of(source, way)
     clock.holds_ns = way.timer_ms * MS if is_known else clock.holds_ns
-    told = mapped(given, clock)
-    late = settled(given)
-    error = errors(given, told)[late]
+    report = mapped(source, clock)
+    late = settled(source)
+    error = errors(source, report)[late]
     assert np.ptp(error) <= SPREAD_NS
-    assert (np.abs(error) <= told.bound[late]).all()
-    assert (np.diff(told.host) >= 0).all()
-    assert told.clock.restarts == 0
+    assert (np.abs(error) <= report.bound[late]).all()
+    assert (np.diff(report.host) >= 0).all()
+    assert report.clock.restarts == 0
 
 
 @each_row("ppm", [-50.0, 0.0, 50.0])
 @each_row(("timer_ms", "rate"), [(1, 100), (1, 400), (1, 1000), (16, 100)])
 def test_the_bound_covers_a_timer_in_step_with_the_stream(timer_ms: float, rate: int, ppm: float) -> None:
     way = Way(460_800, timer_ms=timer_ms)
-    given = stream(ModelDevice(((rate, 20),), ppm), way, 30, seed=3)
-    told = mapped(given, clock_of(given, way))
-    late = settled(given)
-    assert (np.abs(errors(given, told))[late] <= told.bound[late]).all()
-    assert (told.bound[late] < 2.2 * timer_ms * MS + SPREAD_NS).all()
-    assert (np.diff(told.host) > 0).all()
+    source = stream(ModelDevice(((rate, 20),), ppm), way, 30, seed=3)
+    report = mapped(source, clock_of(source, way))
+    late = settled(source)
+    assert (np.abs(errors(source, report))[late] <= report.bound[late]).all()
+    assert (report.bound[late] < 2.2 * timer_ms * MS + SPREAD_NS).all()
+    assert (np.diff(report.host) > 0).all()
 
 
 @each_row("timer_ms", [0, 16])
 @each_row("messages", [((400, 60), (400, 30)), ((100, 88), (4, 150)), ((200, 40), (50, 120), (1, 200))])
 def test_messages_of_different_sizes_fall_on_one_line(messages: tuple[tuple[float, int], ...], timer_ms: float) -> None:
     way = Way(921_600, timer_ms)
-    given = stream(ModelDevice(messages, ppm=-50, tick_ns=100_000), way, 25, seed=2)
-    clock = clock_of(given, way)
-    told = mapped(given, clock)
-    late = settled(given)
-    assert np.ptp(errors(given, told)[late]) <= SPREAD_NS
-    assert (np.abs(errors(given, told))[late] <= told.bound[late]).all()
-    for size in np.unique(given.size):
-        assert (np.diff(told.host[given.size == size]) > 0).all()
+    source = stream(ModelDevice(messages, ppm=-50, tick_ns=100_000), way, 25, seed=2)
+    clock = clock_of(source, way)
+    report = mapped(source, clock)
+    late = settled(source)
+    assert np.ptp(errors(source, report)[late]) <= SPREAD_NS
+    assert (np.abs(errors(source, report))[late] <= report.bound[late]).all()
+    for size in np.unique(source.size):
+        assert (np.diff(report.host[source.size == size]) > 0).all()
 
 
 @each_row("timer_ms", [0, 16])
 @each_row("by_s", [3.0, 0.2, 86_400.0, -0.1, -2.0, -15.0])
 def test_a_jumping_clock_is_remapped_at_its_first_row_and_never_backwards(by_s: float, timer_ms: float) -> None:
     way = Way(115_200, timer_ms)
-    given = stepped(stream(ModelDevice(ppm=50), way, 34, seed=1), 17, by_s)
-    clock = held(given, way, (0.0, 17.0))
+    source = stepped(stream(ModelDevice(ppm=50), way, 34, seed=1), 17, by_s)
+    clock = held(source, way, (0.0, 17.0))
     assert clock.restarts == 1
 
 
@@ -158,43 +158,43 @@ def test_a_jumping_clock_is_remapped_at_its_first_row_and_never_backwards(by_s: 
 @each_row("at_s", [3.0, 17.0])
 def test_a_restarted_device_is_remapped(at_s: float, timer_ms: float) -> None:
     way = Way(115_200, timer_ms)
-    given = reset(stream(ModelDevice(ppm=-50), way, at_s + 17, seed=5), at_s)
-    told = mapped(given, clock_of(given, way))
-    late = settled(given, begins=(at_s,))
-    assert told.clock.restarts == 1
-    assert np.ptp(errors(given, told)[late]) <= SPREAD_NS
-    assert (np.abs(errors(given, told))[late] <= told.bound[late]).all()
-    assert (np.diff(told.host) >= 0).all()
+    source = reset(stream(ModelDevice(ppm=-50), way, at_s + 17, seed=5), at_s)
+    report = mapped(source, clock_of(source, way))
+    late = settled(source, begins=(at_s,))
+    assert report.clock.restarts == 1
+    assert np.ptp(errors(source, report)[late]) <= SPREAD_NS
+    assert (np.abs(errors(source, report))[late] <= report.bound[late]).all()
+    assert (np.diff(report.host) >= 0).all()
 
 
 @each_row("timer_ms", [0, 16])
 def test_a_host_that_stopped_reading_moves_no_time_and_is_detected(timer_ms: float) -> None:
     way = Way(115_200, timer_ms, stalls=((12.0, 12.3), (20.0, 21.0)))
-    given = stream(ModelDevice(ppm=50), way, 25, seed=3)
-    clock = held(given, way)
+    source = stream(ModelDevice(ppm=50), way, 25, seed=3)
+    clock = held(source, way)
     assert [round(late / S, 1) for _, late in clock.stalls] == [0.3, 1.0]
 
 
 def test_network_jitter_is_measured_against_the_fastest_packet() -> None:
     """A constant 0.3 ms in one direction cannot be measured from one end; the session adds it to the uncertainty."""
     way = Way(0, network_ms=3, wake_us=40)
-    given = stream(ModelDevice(((400, 60),), ppm=-50), way, 25, seed=1)
-    told = mapped(given, ClockSync(unknown_ns=MS))
-    late = settled(given)
-    error = errors(given, told)[late]
+    source = stream(ModelDevice(((400, 60),), ppm=-50), way, 25, seed=1)
+    report = mapped(source, ClockSync(unknown_ns=MS))
+    late = settled(source)
+    error = errors(source, report)[late]
     assert np.ptp(error) <= SPREAD_NS
-    assert (np.abs(error) <= told.bound[late]).all()
-    assert told.clock.spread.top > 5 * MS
+    assert (np.abs(error) <= report.bound[late]).all()
+    assert report.clock.spread.top > 5 * MS
 
 
 @each_row("drain_ms", [1, 8, 33, 500])
 def test_the_drain_interval_makes_no_significant_difference(drain_ms: float) -> None:
     """Live every 8 ms, a recording that is opened every second: the same code, and the same times to 0.1 ms."""
     way = Way(115_200, timer_ms=16)
-    given = stream(ModelDevice(ppm=50), way, 20, seed=4)
-    usual = mapped(given, clock_of(given, way))
-    other = mapped(given, clock_of(given, way), drain_ms=drain_ms)
-    late = settled(given)
+    source = stream(ModelDevice(ppm=50), way, 20, seed=4)
+    usual = mapped(source, clock_of(source, way))
+    other = mapped(source, clock_of(source, way), drain_ms=drain_ms)
+    late = settled(source)
     assert np.abs(usual.host - other.host)[late].max() < 0.1 * MS
 
 

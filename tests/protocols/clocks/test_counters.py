@@ -136,12 +136,12 @@ def test_only_the_next_number_follows() -> None:
 
 @given(st.sets(st.integers(0, 999)), st.integers(0, 65535), st.integers(1, 50))
 def test_missing_numbers_add_up(lost: set[int], first: int, chunk: int) -> None:
-    kept = np.array([n for n in range(1001) if n not in lost or n in (0, 1000)])
-    gaps = np.diff(kept) - 1
+    rows = np.array([n for n in range(1001) if n not in lost or n in (0, 1000)])
+    gaps = np.diff(rows) - 1
     if gaps.max() >= 256:
         return
     counter = SequenceCounter(65536)
-    numbers = (kept + first) % 65536
+    numbers = (rows + first) % 65536
     out = np.concatenate([counter.missing(numbers[at : at + chunk]) for at in range(0, len(numbers), chunk)])
     assert (out[1:] == gaps).all()
     assert out[0] == 0

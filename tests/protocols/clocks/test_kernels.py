@@ -33,10 +33,10 @@ def test_delays_are_those_of_the_arrays(rows: list[tuple[int, int]], slope: floa
     expected = (sent - HOST_ORIGIN).astype(np.float64) - expected_x - slope * expected_x - intercept
     for loop in both(delays_of):
         x, delay = np.empty(len(rows)), np.empty(len(rows))
-        found = loop(device, sent, ORIGIN, HOST_ORIGIN, slope, intercept, x, delay)
+        result = loop(device, sent, ORIGIN, HOST_ORIGIN, slope, intercept, x, delay)
         assert x.tolist() == expected_x.tolist()
         assert delay.tolist() == expected.tolist()
-        assert tuple(found) == (expected.argmin(), expected_x.argmin(), expected_x.argmax())
+        assert tuple(result) == (expected.argmin(), expected_x.argmin(), expected_x.argmax())
 
 
 @given(

@@ -20,13 +20,13 @@ def test_any_chunks(first: int, moves: list[int], cuts: list[int]) -> None:
     whole, apart = TickUnwrapper(FULL, auto=(DAY,), tick_ns=100_000), TickUnwrapper(FULL, auto=(DAY,), tick_ns=100_000)
     expected = whole.ticks(raw).tolist()
     got: list[int] = []
-    found: list[tuple[int, str, int]] = []
+    results: list[tuple[int, str, int]] = []
     for size in [*cuts, len(raw)]:
         base = len(got)
         got += apart.ticks(raw[base : base + size]).tolist()
-        found += [(base + row, kind, by) for row, kind, by in apart.steps]
+        results += [(base + row, kind, by) for row, kind, by in apart.steps]
     assert got == expected
-    assert found == whole.steps
+    assert results == whole.steps
     assert apart.wrap == whole.wrap
 
 
@@ -42,15 +42,15 @@ def test_row_by_row(first: int, moves: list[tuple[int, int]], timed: bool, auto:
     arrival = 100_000 * np.cumsum([7, *(passed for _, passed in moves)]) if timed else None
     whole, apart = (TickUnwrapper(FULL, auto=auto, tick_ns=100_000) for _ in range(2))
     expected = whole.ticks(raw, arrival).tolist()
-    found: list[tuple[int, str, int]] = []
+    results: list[tuple[int, str, int]] = []
     for row, (value, ticks) in enumerate(zip(raw.tolist(), expected, strict=True)):
         when = None if arrival is None else arrival[row : row + 1]
         if row % 5 == 4:
             assert apart.ticks(raw[row : row + 1], when).tolist() == [ticks]
         else:
             assert apart.tick(value, None if when is None else int(when[0])) == ticks
-        found += [(row, kind, by) for _, kind, by in apart.steps]
-    assert found == whole.steps
+        results += [(row, kind, by) for _, kind, by in apart.steps]
+    assert results == whole.steps
     assert apart.wrap == whole.wrap
 
 

@@ -124,9 +124,9 @@ def stream(device: ModelDevice, way: Way, seconds: float, seed: int = 0) -> Mode
         packets, ends = _through_the_adapter(end, sizes, way, random.uniform(0, way.timer_ms))
     came = (EPOCH_NS + _to_the_host(packets, way, random)).astype(np.int64)
     arrivals = came[np.searchsorted(ends, places)]
-    kept = random.random(len(truth)) >= way.loss
-    ends = np.interp(ends, np.append(0, places), np.append(0, np.cumsum(sizes * kept))).round().astype(np.int64)
-    return ModelStream(truth[kept], stamps[kept], arrivals[kept], sizes[kept], way.byte_ns, ends, came)
+    stored = random.random(len(truth)) >= way.loss
+    ends = np.interp(ends, np.append(0, places), np.append(0, np.cumsum(sizes * stored))).round().astype(np.int64)
+    return ModelStream(truth[stored], stamps[stored], arrivals[stored], sizes[stored], way.byte_ns, ends, came)
 
 
 def _on_the_line(ready: Floats, takes: Floats) -> Floats:
@@ -150,15 +150,15 @@ def _through_the_adapter(end: Floats, size: Times, way: Way, phase_ms: float) ->
             room = PACKET - held
             full = begin + room * byte
             if left >= room and full <= expires:
-                packet_end, taken = full, room
+                packet_end, batch = full, room
             else:
-                taken = min(left, max(0, int((expires - begin) / byte))) if byte else left
-                if taken == left and begin + left * byte <= expires:
+                batch = min(left, max(0, int((expires - begin) / byte))) if byte else left
+                if batch == left and begin + left * byte <= expires:
                     held += left
                     break
                 packet_end = expires
-            begin, left = begin + taken * byte, left - taken
-            gone += held + taken
+            begin, left = begin + batch * byte, left - batch
+            gone += held + batch
             packets.append(packet_end)
             ends.append(gone)
             held, last = 0, packet_end
@@ -181,23 +181,23 @@ def _to_the_host(packets: Floats, way: Way, random: np.random.Generator) -> Floa
     return np.asarray(np.maximum.accumulate(packets))
 
 
-def stepped(given: ModelStream, at_s: float, by_s: float) -> ModelStream:
+def stepped(source: ModelStream, at_s: float, by_s: float) -> ModelStream:
     """The device's clock moves by so much at that time."""
-    device = given.device + np.where(given.true >= at_s * S, round(by_s * S), 0)
-    return replace(given, device=device)
+    device = source.device + np.where(source.true >= at_s * S, round(by_s * S), 0)
+    return replace(source, device=device)
 
 
-def reset(given: ModelStream, at_s: float, away_s: float = 0.4) -> ModelStream:
+def reset(source: ModelStream, at_s: float, away_s: float = 0.4) -> ModelStream:
     """The device starts again: silent for a while, then its clock counts from zero."""
-    kept = (given.true < at_s * S) | (given.true >= (at_s + away_s) * S)
-    after = given.true[kept] >= at_s * S
-    device = given.device[kept]
+    entries = (source.true < at_s * S) | (source.true >= (at_s + away_s) * S)
+    after = source.true[entries] >= at_s * S
+    device = source.device[entries]
     if after.any():
         device = device - np.where(after, device[after.argmax()] - 100_000, 0)
-    places = np.append(0, np.cumsum(given.size))
-    ends = np.interp(given.ends, places, np.append(0, np.cumsum(given.size * kept))).round().astype(np.int64)
-    arrival, size = given.arrival[kept], given.size[kept]
-    return ModelStream(given.true[kept], device, arrival, size, given.byte_ns, ends, given.came)
+    places = np.append(0, np.cumsum(source.size))
+    ends = np.interp(source.ends, places, np.append(0, np.cumsum(source.size * entries))).round().astype(np.int64)
+    arrival, size = source.arrival[entries], source.size[entries]
+    return ModelStream(source.true[entries], device, arrival, size, source.byte_ns, ends, source.came)
 
 
 # -- what a clock makes of it ------------------------------------------------------------------------------------------
@@ -213,36 +213,36 @@ class ModelMapping:
     clock: ClockSync
 
 
-def mapped(given: ModelStream, clock: ClockSync | None = None, *, drain_ms: float = 100) -> ModelMapping:
+def mapped(source: ModelStream, clock: ClockSync | None = None, *, drain_ms: float = 100) -> ModelMapping:
     """Feed a clock as a session does, with the arrived rows of each message.
 
     Ten times a second, as without viewers; the interval makes no significant difference, which a separate test
     checks.
     """
-    clock = clock or ClockSync(given.byte_ns, pieces=given.pieces())
-    ends = np.flatnonzero(np.diff(given.arrival // int(drain_ms * MS))) + 1
-    host, bound, restarts = np.empty(len(given)), np.empty(len(given)), np.empty(len(given), np.int64)
-    offset = np.cumsum(given.size) - given.size
-    for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(given)], strict=True):
+    clock = clock or ClockSync(source.byte_ns, pieces=source.pieces())
+    ends = np.flatnonzero(np.diff(source.arrival // int(drain_ms * MS))) + 1
+    host, bound, restarts = np.empty(len(source)), np.empty(len(source)), np.empty(len(source), np.int64)
+    offset = np.cumsum(source.size) - source.size
+    for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(source)], strict=True):
         parts, rows = [], []
-        for size in np.unique(given.size[first:last]).tolist():
-            which = first + np.flatnonzero(given.size[first:last] == size)
+        for size in np.unique(source.size[first:last]).tolist():
+            which = first + np.flatnonzero(source.size[first:last] == size)
             rows.append(which)
-            parts.append(TimedRows(given.device[which], given.arrival[which], offset[which], size, size))
+            parts.append(TimedRows(source.device[which], source.arrival[which], offset[which], size, size))
         for which, times in zip(rows, clock.map_to_host(parts), strict=True):
             host[which] = (times - EPOCH_NS / S) * S
         bound[first:last], restarts[first:last] = clock.uncertainty_ns, clock.restarts
     return ModelMapping(host, bound, restarts, clock)
 
 
-def errors(given: ModelStream, told: ModelMapping) -> Floats:
+def errors(source: ModelStream, report: ModelMapping) -> Floats:
     """Mapped time against truth, ns."""
-    return np.asarray(told.host - given.true)
+    return np.asarray(report.host - source.true)
 
 
-def settled(given: ModelStream, since_s: float = 10.0, begins: Sequence[float] = (0.0,)) -> NDArray[np.bool_]:
+def settled(source: ModelStream, since_s: float = 10.0, begins: Sequence[float] = (0.0,)) -> NDArray[np.bool_]:
     """Rows that come that long after each beginning (a start, a jump, a reset), and before the next."""
-    keep = np.zeros(len(given), bool)
+    keep = np.zeros(len(source), bool)
     for begin, over in zip(begins, [*begins[1:], np.inf], strict=True):
-        keep |= (given.true >= (begin + since_s) * S) & (given.true < over * S)
+        keep |= (source.true >= (begin + since_s) * S) & (source.true < over * S)
     return keep

@@ -33,20 +33,20 @@ def test_angles_turn_the_frame_about_z_then_y_then_x(parts: tuple[float, ...]) -
     def about(axis: int, angle: float) -> np.ndarray:
         """What a vector is in a frame that is turned."""
         i, j = (axis + 1) % 3, (axis + 2) % 3
-        found = np.eye(3)
-        found[i, i] = found[j, j] = np.cos(angle)
-        found[i, j], found[j, i] = np.sin(angle), -np.sin(angle)
-        return found
+        rows = np.eye(3)
+        rows[i, i] = rows[j, j] = np.cos(angle)
+        rows[i, j], rows[j, i] = np.sin(angle), -np.sin(angle)
+        return rows
 
     assert about(0, roll) @ about(1, pitch) @ about(2, yaw) == pytest.approx(matrix, abs=3e-6)
 
 
 @given(PARTS, PARTS)
 def test_an_mti_that_turns_its_vectors_already_adds_the_rotation(
-    found: tuple[float, ...], stored: tuple[float, ...]
+    result: tuple[float, ...], stored: tuple[float, ...]
 ) -> None:
     assert XBUS.configuration.mounting is not None
-    before, added = matrix_of(np.array(stored)), matrix_of(np.array(found))
+    before, added = matrix_of(np.array(stored)), matrix_of(np.array(result))
     q = np.array(stored) / np.linalg.norm(stored)
     values = XBUS.configuration.mounting.values(added, dict(zip(("q0", "q1", "q2", "q3"), q.tolist(), strict=True)))
     vector = np.array([0.3, -0.5, 0.8])

@@ -18,10 +18,10 @@ from tests.support.each_row import each_row
 @each_row("name", EXAMPLES)
 def test_every_string_type_is_read(name: str) -> None:
     content, expected = EXAMPLES[name]
-    found, kept = find_nmea(sentence(content), final=False)
-    assert [(one.name, one.protocol, one.offset, one.size) for one in found] == [(name, "nmea", 0, kept)]
-    assert found[0].line == sentence(content).decode().strip()
-    read = found[0].fields
+    results, stored = find_nmea(sentence(content), final=False)
+    assert [(one.name, one.protocol, one.offset, one.size) for one in results] == [(name, "nmea", 0, stored)]
+    assert results[0].line == sentence(content).decode().strip()
+    read = results[0].fields
     for field, value in expected.items():
         assert read[field] == pytest.approx(value, abs=1e-9) if isinstance(value, float) else read[field] == value, (
             field
@@ -53,20 +53,20 @@ def test_sentences_without_checksum_in_the_document_are_accepted(line: bytes) ->
     ],
 )
 def test_failed_sentences_have_no_name(line: bytes) -> None:
-    found, kept = find_nmea(line, final=False)
-    assert [(one.offset, one.name, one.fields) for one in found] == [(0, "", {})]
-    assert kept == len(line)
+    results, stored = find_nmea(line, final=False)
+    assert [(one.offset, one.name, one.fields) for one in results] == [(0, "", {})]
+    assert stored == len(line)
 
 
 def test_a_sentence_that_breaks_off_does_not_swallow_the_next() -> None:
     good = sentence("HCHDM,1.0,M")
-    found, _ = find_nmea(b"$GPGGA,1234" + good + b"noise" + good, final=False)
-    assert [(one.offset, one.name) for one in found] == [(0, ""), (11, "HCHDM"), (11 + len(good) + 5, "HCHDM")]
+    results, _ = find_nmea(b"$GPGGA,1234" + good + b"noise" + good, final=False)
+    assert [(one.offset, one.name) for one in results] == [(0, ""), (11, "HCHDM"), (11 + len(good) + 5, "HCHDM")]
 
 
 def test_unknown_sentences_keep_their_words() -> None:
-    found, _ = find_nmea(sentence("XXFOO,1,,three"), final=False)
-    assert found[0].fields == {"field_01": "1", "field_02": None, "field_03": "three"}
+    results, _ = find_nmea(sentence("XXFOO,1,,three"), final=False)
+    assert results[0].fields == {"field_01": "1", "field_02": None, "field_03": "three"}
 
 
 def test_a_lone_dollar_is_given_up_after_the_length_of_a_sentence() -> None:
@@ -77,15 +77,15 @@ def test_a_lone_dollar_is_given_up_after_the_length_of_a_sentence() -> None:
 
 def pieces(data: bytes, cuts: list[int]) -> list[ParsedMessage]:
     """Results of `find_nmea` for data in chunks, keeping the requested bytes; offsets in the whole stream."""
-    found, start, end = [], 0, 0
+    results, start, end = [], 0, 0
     for size in [*cuts, len(data)]:
         end = min(end + size, len(data))
-        now, kept = find_nmea(data[start:end], final=end == len(data))
-        found += [
+        now, stored = find_nmea(data[start:end], final=end == len(data))
+        results += [
             ParsedMessage(one.offset + start, one.size, one.protocol, one.name, one.line, one.fields) for one in now
         ]
-        start += kept
-    return found
+        start += stored
+    return results
 
 
 noise = st.binary(max_size=20) | st.sampled_from([b"$", b"!", b"$GP", b"*", b"\r", b"\n", b"\xfa\xff6", b"$$GPGGA,"])
@@ -100,10 +100,10 @@ def test_cutting_changes_nothing(data: bytes, cuts: list[int]) -> None:
 
 @given(st.binary(max_size=60) | st.text(max_size=60).map(lambda text: b"$" + text.encode() + b"\r\n"), st.booleans())
 def test_any_bytes_are_survived(data: bytes, final: bool) -> None:
-    found, kept = find_nmea(memoryview(data), final=final)
-    assert 0 <= kept <= len(data)
-    assert len(data) - kept <= MAX_SENTENCE_BYTES
-    assert all(0 <= one.offset < one.offset + one.size <= kept for one in found)
+    results, stored = find_nmea(memoryview(data), final=final)
+    assert 0 <= stored <= len(data)
+    assert len(data) - stored <= MAX_SENTENCE_BYTES
+    assert all(0 <= one.offset < one.offset + one.size <= stored for one in results)
 
 
 words = st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="$!*,"), max_size=12)
@@ -115,5 +115,5 @@ def test_any_fields_with_a_valid_checksum_are_accepted(name: str, fields: list[s
     content = ",".join([name, *fields])
     if len(content) > MAX_SENTENCE_BYTES - 10:
         return
-    found, _ = find_nmea(sentence(content), final=True)
-    assert [one.name for one in found] == [name]
+    results, _ = find_nmea(sentence(content), final=True)
+    assert [one.name for one in results] == [name]

@@ -85,10 +85,10 @@ def test_a_sign_that_is_a_letter_is_not_lost(line: str, expected: dict[str, floa
     direction letter.
     """
     raw = f"${line}*{checksum(line.encode()):02X}\r\n".encode()
-    (found,), _ = find_nmea(raw, final=True)
-    (batch,) = NmeaQuantities().batches([Text("nmea", found.name, found.line, 0, len(raw), 0, found.fields)])
+    (result,), _ = find_nmea(raw, final=True)
+    (batch,) = NmeaQuantities().batches([Text("nmea", result.name, result.line, 0, len(raw), 0, result.fields)])
     assert {name: float(batch.columns[name][0]) for name in expected} == pytest.approx(expected)
-    assert found.line == raw.decode().strip()
+    assert result.line == raw.decode().strip()
 
 
 @each_row("name", [row.name for row in nmea.VECTORNAV])

@@ -28,10 +28,10 @@ IN_METRES_TOO = {"NAV-HPPOSLLH", "NAV-HPPOSECEF", "NAV-RELPOSNED", "NAV-SVIN"}
 
 
 def content(frame: bytes) -> dict[str, float]:
-    found = message_at(frame, 0, final=True)
-    assert found is not None
-    assert found != "wait"
-    return dict(found.fields)
+    result = message_at(frame, 0, final=True)
+    assert result is not None
+    assert result != "wait"
+    return dict(result.fields)
 
 
 def test_every_message_has_the_numbers_that_another_reader_finds() -> None:
@@ -79,12 +79,12 @@ def test_measurements_have_their_types() -> None:
     words = [(14, 4096), (13, -8192), (5, 2048), (16, 1024), (17, -1024), (18, 10_045), (12, 2_512), (63, 5)]
     data = b"".join((kind << 24 | number & 0xFFFFFF).to_bytes(4, "little") for kind, number in words)
     payload = bytes(4) + (len(words) << 11).to_bytes(2, "little") + bytes(2) + data
-    found = values_of("ESF-MEAS", payload)
-    assert found == {
+    result = values_of("ESF-MEAS", payload)
+    assert result == {
         **{"gyroX": 1.0, "gyroY": -2.0, "gyroZ": 0.5, "gyroTemperature": 25.12},
         **{"accelX": 1.0, "accelY": -1.0, "accelZ": 10_045 / 1024},
     }
-    (batch,) = NmeaQuantities().batches([Text("ubx", "ESF-MEAS", "", 0, 0, 0, found)])
+    (batch,) = NmeaQuantities().batches([Text("ubx", "ESF-MEAS", "", 0, 0, 0, result)])
     assert batch.columns["RateOfTurn"].tolist() == [[1.0, -2.0, 0.5]]
     units = {field.name: field.unit for field in batch.message.fields}
     assert units == {"RateOfTurn": "°/s", "Acceleration": "m/s²", "gyroTemperature": "°C"}

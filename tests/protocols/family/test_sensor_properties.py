@@ -23,18 +23,18 @@ from tests.support.each_row import each_row
     ],
 )
 def test_noise_of_an_mti(product: str, turn: float, acceleration: float, heading: float) -> None:
-    found = PROTOCOLS["xbus"].device.sensors(product)
-    assert found.axes == "FLU"
-    assert degrees(found.turn) == pytest.approx(turn)
-    assert found.acceleration / 9.80665e-6 == pytest.approx(acceleration)
-    assert degrees(found.heading) == pytest.approx(heading)
+    result = PROTOCOLS["xbus"].device.sensors(product)
+    assert result.axes == "FLU"
+    assert degrees(result.turn) == pytest.approx(turn)
+    assert result.acceleration / 9.80665e-6 == pytest.approx(acceleration)
+    assert degrees(result.heading) == pytest.approx(heading)
 
 
 def test_noise_of_an_imx_is_that_of_its_makers_at_100_hz() -> None:
-    found = PROTOCOLS["isb"].device.sensors("IMX-5.0.4")
-    assert found.axes == "FRD"
-    assert degrees(found.turn) * sqrt(100 / 2) == pytest.approx(0.0267, rel=2e-3)  # °/s
-    assert found.acceleration * sqrt(100 / 2) == pytest.approx(0.00333, rel=2e-3)  # m/s²
+    result = PROTOCOLS["isb"].device.sensors("IMX-5.0.4")
+    assert result.axes == "FRD"
+    assert degrees(result.turn) * sqrt(100 / 2) == pytest.approx(0.0267, rel=2e-3)  # °/s
+    assert result.acceleration * sqrt(100 / 2) == pytest.approx(0.00333, rel=2e-3)  # m/s²
     assert PROTOCOLS["isb"].device.sensors("GPX-1.0") == SensorProperties("FRD")
 
 

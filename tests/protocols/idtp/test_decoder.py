@@ -276,12 +276,12 @@ def test_forged_frames_among_good_ones() -> None:
             stream += inner
     for chunk in (len(stream), 333):
         events = decode([(0.0, stream[at : at + chunk]) for at in range(0, len(stream), chunk)], key=KEY, min_mode=LITE)
-        found = oracle.scan(stream, final=True, key=KEY)
-        good, bad = oracle.judge(found.frames, keyed=True)
+        result = oracle.scan(stream, final=True, key=KEY)
+        good, bad = oracle.judge(result.frames, keyed=True)
         offsets = sorted(int(o) for e in events if isinstance(e, Batch) for o in e.offset)
         assert offsets == [frame.offset for frame, _ in good]
         rejects = sorted((event.offset, event.reason) for event in events if isinstance(event, RejectedFrame))
-        assert rejects == sorted(found.rejects + bad)
+        assert rejects == sorted(result.rejects + bad)
         assert sum(e.missing for e in events if isinstance(e, SampleGap)) == sum(lost for _, lost in good)
 
 
@@ -341,10 +341,10 @@ def test_short_and_long_payloads() -> None:
 
 def test_rotation_setting() -> None:
     frame = build(6, struct.pack("<4f", 0.5, 0.5, -0.5, 0.5))
-    for rotation, wanted in (("enu_from_body", [0.5, 0.5, -0.5, 0.5]), ("body_from_enu", [0.5, -0.5, 0.5, -0.5])):
+    for rotation, expected in (("enu_from_body", [0.5, 0.5, -0.5, 0.5]), ("body_from_enu", [0.5, -0.5, 0.5, -0.5])):
         (batch,) = decode([frame], rotation=rotation)
         assert isinstance(batch, Batch)
-        assert batch.columns["Quaternion"][0].tolist() == wanted
+        assert batch.columns["Quaternion"][0].tolist() == expected
         assert batch.message.fields[0].frame == "ENU from body"
     with pytest.raises(ValueError, match="rotation is one of"):
         IdtpDecoder(rotation="inverse")  # type: ignore[arg-type]
@@ -416,17 +416,19 @@ def test_datagrams_give_the_same_together_and_separately(datagrams: list[bytes])
 
 def _rows(events: Sequence[Event]) -> list[object]:
     """All frame and error events in the order of the stream."""
-    found: list[tuple[int, object]] = []
+    results: list[tuple[int, object]] = []
     for event in events:
         if isinstance(event, Batch):
             assert event.time_ns is not None
             values = zip(
                 event.arrival_ns.tolist(), event.time_ns.tolist(), event.columns["Acceleration"].tolist(), strict=True
             )
-            found += [(offset, (event.device, *one)) for offset, one in zip(event.offset.tolist(), values, strict=True)]
+            results += [
+                (offset, (event.device, *one)) for offset, one in zip(event.offset.tolist(), values, strict=True)
+            ]
         else:
-            found.append((event.offset, repr(event)))
-    return sorted(found, key=repr)
+            results.append((event.offset, repr(event)))
+    return sorted(results, key=repr)
 
 
 def test_detection_scores() -> None:
@@ -440,5 +442,5 @@ def test_detection_scores() -> None:
 def test_another_version_is_reported_by_name() -> None:
     frames = b"".join(with_version(build(0, bytes(12), sequence=k, timestamp=k, mode=SAFETY), 0x31) for k in range(20))
     assert detection_score(frames) == (0.1, "20 frames of IDTP 3.1; this program supports IDTP 2")
-    said = [event.values["warning"] for event in decode([frames]) if isinstance(event, Reply)]
-    assert said == ["these frames are of IDTP 3.1, which is not supported"]
+    texts = [event.values["warning"] for event in decode([frames]) if isinstance(event, Reply)]
+    assert texts == ["these frames are of IDTP 3.1, which is not supported"]

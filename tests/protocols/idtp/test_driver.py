@@ -58,7 +58,7 @@ def test_a_vendor_defined_type() -> None:
 
 
 @each_row(
-    ("command", "values", "said"),
+    ("command", "values", "message"),
     [
         ("Imu3Acc", {"acc_x": 0.0, "acc_y": 0.0}, "acc_z is missing"),
         ("Imu3Acc", {"acc_x": 0.0, "acc_y": 0.0, "acc_z": 0.0, "mode": 2}, "need a key"),
@@ -67,8 +67,8 @@ def test_a_vendor_defined_type() -> None:
         ("Nothing", {}, "no message is called"),
     ],
 )
-def test_unsendable_values_are_reported(command: str, values: dict[str, object], said: str) -> None:
-    with pytest.raises(EncodeError, match=said):
+def test_unsendable_values_are_reported(command: str, values: dict[str, object], message: str) -> None:
+    with pytest.raises(EncodeError, match=message):
         DRIVER.frame(command, values, DeviceContext())
 
 

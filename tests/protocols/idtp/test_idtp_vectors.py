@@ -43,41 +43,41 @@ def batch_of(data: bytes, **options: Any) -> Batch:
 @each_row("vector", VECTORS, ids=name_of)
 def test_reference_frames(vector: dict[str, Any]) -> None:
     """Every number of the header, every bit of the readings; and the frame again from its values."""
-    data, key, said = frame(vector), key_of(vector), vector["fields"]
+    data, key, message = frame(vector), key_of(vector), vector["fields"]
     batch = batch_of(data, key=key)
-    assert batch.device == str(said["device_id"])
+    assert batch.device == str(message["device_id"])
     assert batch.time_ns is not None
-    assert batch.time_ns.tolist() == [said["timestamp"] * 1000]
+    assert batch.time_ns.tolist() == [message["timestamp"] * 1000]
     record = frame_to_json(data)
     header = {name: record["fields"][name] for name in ("timestamp", "sequence", "device_id", "version", "mode")}
-    assert header == {name: said[name] for name in header}
-    assert record["id"] == said["payload_type"]
-    for name, bits in said.get("values_f32_bits", {}).items():
+    assert header == {name: message[name] for name in header}
+    assert record["id"] == message["payload_type"]
+    for name, bits in message.get("values_f32_bits", {}).items():
         value = record["fields"][name]
         assert (value["f32"] if isinstance(value, dict) else struct.pack(">f", value).hex()) == bits
-    if "values" not in said and said["payload_size"]:
-        assert record["fields"]["data"] == said["payload_hex"]
+    if "values" not in message and message["payload_size"]:
+        assert record["fields"]["data"] == message["payload_hex"]
     assert frame_from_json(json.loads(json.dumps(record, allow_nan=False)), key) == data
 
 
 @each_row("vector", VECTORS, ids=name_of)
 def test_columns(vector: dict[str, Any]) -> None:
     """Columns hold the readings as sent, except for invalid quaternions."""
-    said = vector["fields"]
-    if "values_f32_bits" not in said:
+    output = vector["fields"]
+    if "values_f32_bits" not in output:
         return
     batch = batch_of(frame(vector), key=key_of(vector))
     status = int(batch.columns[f"{batch.message.name}Status"][0])
     for name, names in WIRE.items():
         if name not in batch.columns:
             continue
-        wanted = [struct.unpack(">f", bytes.fromhex(said["values_f32_bits"][one]))[0] for one in names]
-        if name == "Quaternion" and abs(np.linalg.norm(wanted) - 1) > 0.01:
-            wanted = [np.nan] * 4
+        expected = [struct.unpack(">f", bytes.fromhex(output["values_f32_bits"][one]))[0] for one in names]
+        if name == "Quaternion" and abs(np.linalg.norm(expected) - 1) > 0.01:
+            expected = [np.nan] * 4
             assert status & 0x10
-        np.testing.assert_array_equal(np.atleast_1d(batch.columns[name][0]), np.array(wanted, np.float32))
-    assert status & 3 == said["mode"]
-    values = said["values"].values()
+        np.testing.assert_array_equal(np.atleast_1d(batch.columns[name][0]), np.array(expected, np.float32))
+    assert status & 3 == output["mode"]
+    values = output["values"].values()
     assert bool(status & 8) == any(value in ("nan", "inf", "-inf") for value in values)
 
 
@@ -87,8 +87,8 @@ def test_negative(vector: dict[str, Any]) -> None:
     data, key = bytes.fromhex(vector["input_hex"]), key_of(vector)
     stream = data
     if vector["last_sequence"] is not None:
-        said = oracle.scan(data, final=True, key=key).frames[0]
-        stream = build(0x80, sequence=vector["last_sequence"], device=said.device, mode=said.mode, key=key) + data
+        message = oracle.scan(data, final=True, key=key).frames[0]
+        stream = build(0x80, sequence=vector["last_sequence"], device=message.device, mode=message.mode, key=key) + data
     listing = IdtpFrameLister(key=key, min_mode=0)
     listing.feed(stream)
     lines = [line for line in listing.drain(stalled=True) if line["offset"] == len(stream) - len(data)]

@@ -51,9 +51,9 @@ def test_modes_and_replays(file: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert set(rejects) == {"no_key", "bad_crc8"}  # the preambles inside a refused frame begin nothing
 
 
-@each_row("given", ["zz", "abc", "", "@nowhere"])
-def test_no_key(file: Path, given: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["inspect", str(file), "--key", given]) == 1
+@each_row("case", ["zz", "abc", "", "@nowhere"])
+def test_no_key(file: Path, case: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", str(file), "--key", case]) == 1
     error = [
         line for line in capsys.readouterr().err.splitlines() if "compiling" not in line
     ]  # reported by the first run

@@ -31,12 +31,12 @@ def test_readings_follow_the_trajectory() -> None:
     truth = trajectory.vehicle_motion(t)
     times = next(event.time_ns for event in events if isinstance(event, Batch) and event.message.name == "Imu10")
     assert times.tolist() == (np.arange(1000) * 20_000_000).tolist()
-    for name, wanted, tolerance in (
+    for name, expected, tolerance in (
         ("Acceleration", truth.force, 1.5),
         ("RateOfTurn", truth.rate, 0.05),
         ("MagneticField", EARTH_UT * truth.field, 0.5),
     ):
-        error = column(events, name, "Imu10") - wanted
+        error = column(events, name, "Imu10") - expected
         assert np.abs(error).max() < tolerance, name
         assert np.abs(error).max() > 0, name
     assert np.abs(column(events, "BaroPressure", "Imu10") - 101_100).max() < 200

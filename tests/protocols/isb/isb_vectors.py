@@ -61,15 +61,15 @@ def vendor_fields(vector: dict[str, Any]) -> dict[str, Any]:
 def leaves(value: Any, name: str = "") -> dict[str, list[Any]]:
     """Plain values by the path of each leaf, as formats.json names them; numbers as lists."""
     if isinstance(value, dict) and (not value or not set(value) <= {"f32", "f64"}):
-        found: dict[str, list[Any]] = {}
+        results: dict[str, list[Any]] = {}
         for part, inner in value.items():
-            found.update(leaves(inner, f"{name}.{part}" if name else part))
-        return found
+            results.update(leaves(inner, f"{name}.{part}" if name else part))
+        return results
     if isinstance(value, list) and value and isinstance(value[0], dict) and not set(value[0]) <= {"f32", "f64"}:
-        found = {}
+        results = {}
         for k, inner in enumerate(value):
-            found.update(leaves(inner, f"{name}[{k}]"))
-        return found
+            results.update(leaves(inner, f"{name}[{k}]"))
+        return results
     return {name: [_number(one) for one in (value if isinstance(value, list) else [value])]}
 
 

@@ -194,8 +194,8 @@ def test_invalid_clocks(clock: float) -> None:
 
 def test_update_time_is_pure() -> None:
     state = store_offset()
-    (known, *said), again = update_time(state, 1, 5 * S, -1), update_time(state, 1, 5 * S, -1)
-    assert said == [5 * S, 1, 0, 0]
+    (known, *message), again = update_time(state, 1, 5 * S, -1), update_time(state, 1, 5 * S, -1)
+    assert message == [5 * S, 1, 0, 0]
     assert again[0] == known != state
 
 

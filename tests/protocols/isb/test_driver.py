@@ -73,27 +73,27 @@ def test_a_configuration_is_restored_without_fields_maintained_by_the_device() -
 
 def test_a_value_rounded_by_the_device_is_reported() -> None:
     there = wire()
-    asked = {
+    request = {
         "startupNavDtMs": 4,
         "startupImuDtMs": 8,
     }  # slower than navigation: sent unchecked only as values once held
-    written = play(DRIVER.write("DID_FLASH_CONFIG", asked, KNOWN), there)
+    written = play(DRIVER.write("DID_FLASH_CONFIG", request, KNOWN), there)
 
     assert written.actual is not None
     assert written.actual["startupImuDtMs"] == 4
-    assert DRIVER.same("DID_FLASH_CONFIG", asked, written.actual) == ["startupImuDtMs"]
+    assert DRIVER.same("DID_FLASH_CONFIG", request, written.actual) == ["startupImuDtMs"]
 
 
 def test_every_setting_is_read_or_refused_with_a_reason() -> None:
     there = wire()
-    told, refused = [], []
+    report, refused = [], []
     for setting in DRIVER.settings(KNOWN):
         try:
             values = read(setting.name, there)
         except DeviceRejectedError as error:
             refused.append((setting.name, error.why))
             continue
-        told.append(setting.name)
+        report.append(setting.name)
         json.dumps(values, allow_nan=False)
         names = {field.name for field in setting.fields}
         assert values.keys() <= names, setting.name
@@ -104,7 +104,7 @@ def test_every_setting_is_read_or_refused_with_a_reason() -> None:
         "DID_MAG_CAL",
         "DID_DEV_INFO",
         "DID_SYS_PARAMS",
-    } <= set(told)
+    } <= set(report)
     assert {"DID_EVB_FLASH_CFG", "DID_GPX_FLASH_CFG"} <= {name for name, _ in refused}
     assert all("not supported" in why for _, why in refused)
 
@@ -207,8 +207,8 @@ def test_text() -> None:
     play(
         DRIVER.run("ASCE", {"options": 0, "messages": [{"id": 7, "period": 1}, {"id": 4, "period": 10}]}, KNOWN), there
     )
-    told = play(DRIVER.run("$ASCE", {}, KNOWN), there)
-    assert told["line"].startswith("$ASCE,0,4,10,7,1*"), "as firmware 2.7.1 answers"
+    report = play(DRIVER.run("$ASCE", {}, KNOWN), there)
+    assert report["line"].startswith("$ASCE,0,4,10,7,1*"), "as firmware 2.7.1 answers"
     begin, sentences = there.now_ns + 1, Counter[str]()
     there.device.advance(begin)
     decoder = IsbDecoder()
@@ -222,10 +222,10 @@ def test_text() -> None:
 
 def test_sentences_are_a_stored_setting() -> None:
     there = wire()
-    wanted = {"options": 1 << 9, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 1}, {"msgID": 1, "msgPeriod": 5}]}
-    written = play(DRIVER.write("DID_NMEA_BCAST_PERIOD", wanted, KNOWN), there)
+    expected = {"options": 1 << 9, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 1}, {"msgID": 1, "msgPeriod": 5}]}
+    written = play(DRIVER.write("DID_NMEA_BCAST_PERIOD", expected, KNOWN), there)
     assert written.actual is not None
-    assert DRIVER.same("DID_NMEA_BCAST_PERIOD", wanted, written.actual) == []
+    assert DRIVER.same("DID_NMEA_BCAST_PERIOD", expected, written.actual) == []
     fewer = {"options": 0, "nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 2}]}
     got = play(DRIVER.write("DID_NMEA_BCAST_PERIOD", fewer, KNOWN), there).actual
     assert got is not None

@@ -29,9 +29,9 @@ def events_of(data: bytes, *, firmware: str = "") -> list[Batch | Reply]:
     if firmware:
         numbers = (9, 0, 0) if firmware == "next" else tuple(int(word) for word in firmware.split("."))
         for did in (1, 93, 120):  # of an IMX, an EVB, a GPX
-            told = bytearray(by_did(1)[6:-2])
-            told[12:16] = bytes((*numbers, 0))
-            decoder.feed(build(DATA, did, bytes(told)), 0)
+            report = bytearray(by_did(1)[6:-2])
+            report[12:16] = bytes((*numbers, 0))
+            decoder.feed(build(DATA, did, bytes(report)), 0)
         decoder.drain()
     decoder.feed(data, 0)
     return [event for event in decoder.drain() if isinstance(event, Batch | Reply)]
@@ -51,8 +51,8 @@ def test_raw_gnss_data(row: dict[str, Any]) -> None:
     data = packet(row)
     name, struct = RAW_KINDS[row["kind"]]
     assert struct == row["struct"]
-    said = frame_to_json(data)["fields"]
-    records = said[name] if row["kind"] == 1 else [said[name]]
+    message = frame_to_json(data)["fields"]
+    records = message[name] if row["kind"] == 1 else [message[name]]
     assert len(records) == row["count"]
     for record in records:
         assert leaves(record).keys() == row["values"].keys()
@@ -76,21 +76,21 @@ def test_velocity_frames(row: dict[str, Any]) -> None:
 def test_other_firmware(row: dict[str, Any]) -> None:
     """Known fields of an older or newer structure are decoded, and no field has the value of another."""
     data = packet(row)
-    said = leaves(frame_to_json(data, row["version"])["fields"])
+    message = leaves(frame_to_json(data, row["version"])["fields"])
     data_set = SETS[row["did"]]
     assert data_set.struct is not None
     named = {field.name for field, _ in data_set.struct.places if field.dtype != "bytes"}
     for name, numbers in row["values"].items():
-        if name in said:
-            np.testing.assert_array_equal(said[name], numbers)
-    tops = {name.partition("[")[0] for name in said}
-    wanted = {name.partition("[")[0] for name in row["values"]}
-    given = {name for name in tops if name in named or name.partition(".")[0] in named}
+        if name in message:
+            np.testing.assert_array_equal(message[name], numbers)
+    tops = {name.partition("[")[0] for name in message}
+    expected = {name.partition("[")[0] for name in row["values"]}
+    names = {name for name in tops if name in named or name.partition(".")[0] in named}
     if row["version"] == "next" and row["did"] in (57, 96):
-        wanted.add("I")  # five in place of three, from the same place: xbus/test_products.py
-    assert given <= wanted, f"not in {row['version']}: {given - wanted}"
-    reserved = {name for name in wanted if "reserved" in name.lower() or "unused" in name.lower()}
-    assert wanted - given <= reserved, f"also in {row['version']}: {wanted - given}"
+        expected.add("I")  # five in place of three, from the same place: xbus/test_products.py
+    assert names <= expected, f"not in {row['version']}: {names - expected}"
+    reserved = {name for name in expected if "reserved" in name.lower() or "unused" in name.lower()}
+    assert expected - names <= reserved, f"also in {row['version']}: {expected - names}"
     (event,) = events_of(data, firmware=row["version"])
     columns = event.columns if isinstance(event, Batch) else event.values
     assert {name.partition(".")[0] for name in columns} == {name.partition(".")[0] for name in tops}

@@ -42,11 +42,11 @@ def values(data: bytes) -> dict[str, Any]:
 
 @each_row("vector", DATA, ids=lambda vector: str(vector["did_name"]))
 def test_vendor_values(vector: dict[str, Any]) -> None:
-    said = frame_to_json(packet(vector))
-    assert said["id"] == vector["did"]
-    assert said["message"] == vector["did_name"]
-    assert said["fields"] == vendor_fields(vector)
-    assert list(said["fields"]) == list(vector["fields"])
+    message = frame_to_json(packet(vector))
+    assert message["id"] == vector["did"]
+    assert message["message"] == vector["did_name"]
+    assert message["fields"] == vendor_fields(vector)
+    assert list(message["fields"]) == list(vector["fields"])
 
 
 def text_bytes(texts: list[str], size: int) -> bytes:
@@ -61,16 +61,18 @@ def text_bytes(texts: list[str], size: int) -> bytes:
 def test_like_the_oracle(vector: dict[str, Any]) -> None:
     data = packet(vector)
     expected = oracle.values(FORMATS[str(vector["did"])]["fields"], data[6:-2])
-    said = leaves(frame_to_json(data)["fields"])
+    message = leaves(frame_to_json(data)["fields"])
     for name, numbers in expected.items():
-        if name in said and isinstance(numbers[0], str):
-            assert said[name] == numbers
-        elif name in said and isinstance(said[name][0], str):
-            assert bytes(numbers) == text_bytes(said[name], len(numbers)), name
-        elif name in said:
-            np.testing.assert_array_equal(said[name], numbers)
+        if name in message and isinstance(numbers[0], str):
+            assert message[name] == numbers
+        elif name in message and isinstance(message[name][0], str):
+            assert bytes(numbers) == text_bytes(message[name], len(numbers)), name
+        elif name in message:
+            np.testing.assert_array_equal(message[name], numbers)
     raw = vector["did"] in (60, 69, 70)
-    assert raw or not expected or {name.partition("[")[0] for name in expected} == {n.partition("[")[0] for n in said}
+    assert (
+        raw or not expected or {name.partition("[")[0] for name in expected} == {n.partition("[")[0] for n in message}
+    )
 
 
 @each_row("vector", DATA, ids=lambda vector: str(vector["did_name"]))
@@ -138,8 +140,8 @@ def test_commands_are_the_vendors() -> None:
     for vector in COMMAND_VECTORS:
         arguments = vector["args"]
         if vector["what"] == "get_data":
-            kept = {name: arguments[name] for name in ("size", "offset", "period")}
-            made["get_data"] = get_data(arguments["did"], **kept)
+            entries = {name: arguments[name] for name in ("size", "offset", "period")}
+            made["get_data"] = get_data(arguments["did"], **entries)
         if vector["what"] in made:
             assert made[vector["what"]] == packet(vector)
         if vector["what"] == "set_data_offset":
@@ -149,7 +151,7 @@ def test_commands_are_the_vendors() -> None:
             assert frame_from_json(record) == packet(vector)
 
 
-def said_by(vector: dict[str, Any]) -> dict[str, Any]:
+def statement_of(vector: dict[str, Any]) -> dict[str, Any]:
     """Fields of a command's vector, by the vendor's names."""
     arguments = vector["args"]
     about = ("did", "did_name", "flags")
@@ -165,31 +167,31 @@ def said_by(vector: dict[str, Any]) -> dict[str, Any]:
     names = {"checksum_u32": "checksum", "field": ""}
     if "field" in arguments:
         return {arguments["field"]: arguments["value"]} if "value" in arguments else {}
-    kept = {name: value for name, value in arguments.items() if name not in (*about, "size", "offset")}
-    return {names.get(name, name): value for name, value in kept.items()}
+    entries = {name: value for name, value in arguments.items() if name not in (*about, "size", "offset")}
+    return {names.get(name, name): value for name, value in entries.items()}
 
 
 @each_row("vector", COMMAND_VECTORS, ids=lambda vector: f"{vector['what']}-{vector['args'].get('did')}")
 def test_commands_contain_the_vendor_values(vector: dict[str, Any]) -> None:
     """No argument of any vector is passed over."""
-    said, arguments = frame_to_json(packet(vector)), vector["args"]
+    message, arguments = frame_to_json(packet(vector)), vector["args"]
     assert len(packet(vector)) == vector["len"]
-    expected = said_by(vector)
-    assert {name: said["fields"][name] for name in expected} == expected
+    expected = statement_of(vector)
+    assert {name: message["fields"][name] for name in expected} == expected
     if vector["what"].startswith(("set", "rmc", "save", "software", "mag")):
-        assert said["message"] == f"SET_{arguments['did_name']}"
-        assert said["fields"].keys() >= expected.keys()
+        assert message["message"] == f"SET_{arguments['did_name']}"
+        assert message["fields"].keys() >= expected.keys()
         assert len(packet(vector)) == 8 + arguments["size"] + 2 * bool(arguments["offset"])
     if vector["what"] == "data_partial_offset":
-        assert list(said["fields"]) == [arguments["field"]]
+        assert list(message["fields"]) == [arguments["field"]]
         assert packet(vector)[6:8] == arguments["offset"].to_bytes(2, "little")
 
 
 def test_the_document_preset() -> None:
     preset = bytes.fromhex("ef4905090c00e23c3501900000c000010000f7b0")
-    said = frame_to_json(preset)
-    assert (said["message"], said["fields"]["options"]) == ("SET_DID_RMC", 256)
-    assert said["flags"]["options"] == ["RMC_OPTIONS_PRESERVE_CTRL"]
+    message = frame_to_json(preset)
+    assert (message["message"], message["fields"]["options"]) == ("SET_DID_RMC", 256)
+    assert message["flags"]["options"] == ["RMC_OPTIONS_PRESERVE_CTRL"]
 
 
 def test_limits() -> None:
@@ -220,9 +222,9 @@ def test_limits() -> None:
 # -- lists -------------------------------------------------------------------------------------------------------------
 
 
-def satellites(count: int, said: int | None = None) -> bytes:
+def satellites(count: int, message: int | None = None) -> bytes:
     entry = bytes.fromhex("01 05 2d 5a00 2c 1c00".replace(" ", ""))
-    head = (1000).to_bytes(4, "little") + (count if said is None else said).to_bytes(4, "little")
+    head = (1000).to_bytes(4, "little") + (count if message is None else message).to_bytes(4, "little")
     return build(frames.DATA, 15, head + entry * count)
 
 
@@ -273,8 +275,8 @@ def test_firmware_picks_the_layout() -> None:
 
 
 def test_unknown_data_sets_are_kept() -> None:
-    said = frame_to_json(build(frames.DATA, 200, b"abc"))
-    assert said == {"id": 200, "message": "DID_200", "fields": {"data": "616263"}}
+    message = frame_to_json(build(frames.DATA, 200, b"abc"))
+    assert message == {"id": 200, "message": "DID_200", "fields": {"data": "616263"}}
     assert ROWS[200].kind == "reply"
 
 
@@ -284,9 +286,9 @@ def test_text_fields_are_decoded_as_text() -> None:
     versions += b"".join(
         word.ljust(30, b"\0") for word in (b"ROM BASE 0x118B2060", b"FWVER=HPG 1.12", b"", b"", b"", b"")
     )
-    said = frame_to_json(data := build(frames.DATA, 17, versions))["fields"]
-    assert said["swVersion"] == "EXT CORE 1.00 (71b20c)"
-    assert said["extension"] == ["ROM BASE 0x118B2060", "FWVER=HPG 1.12", "", "", "", ""]
+    message = frame_to_json(data := build(frames.DATA, 17, versions))["fields"]
+    assert message["swVersion"] == "EXT CORE 1.00 (71b20c)"
+    assert message["extension"] == ["ROM BASE 0x118B2060", "FWVER=HPG 1.12", "", "", "", ""]
     assert frame_from_json(frame_to_json(data)) == data
     head = struct.pack("<dIHbBHH", 1.5, 7, 3, 2, 0, 2, 12)
     event = build(frames.DATA, 119, head + b"temperature!")

@@ -56,15 +56,15 @@ def records(data: bytes) -> Iterator[tuple[int, int, bytes]]:
         assert at == end
 
 
-def same(said: dict[str, Any], expected: dict[str, Any], where: object) -> None:
+def same(message: dict[str, Any], expected: dict[str, Any], where: object) -> None:
     """The vendor wrote the main fields of each record, with 9 digits for a float32."""
     for name, value in expected.items():
         if name == "manufacturer":
-            assert said[name] == value, where
+            assert message[name] == value, where
             continue
-        wanted = list(flat(value))
-        got = list(flat(said[name]))[: len(wanted)]
-        for one, other in zip(got, wanted, strict=True):
+        target = list(flat(value))
+        got = list(flat(message[name]))[: len(target)]
+        for one, other in zip(got, target, strict=True):
             assert math.isclose(one, other, rel_tol=2e-7) or (one != one and other != other), (name, where)
 
 
@@ -79,27 +79,27 @@ def flat(value: Any) -> Iterator[float]:
 
 def test_every_record_of_a_dat_log() -> None:
     expected = rows("dat.values.jsonl")
-    found = list(records(read("log.dat")))
-    assert [(did, offset, len(payload)) for did, offset, payload in found] == [
+    results = list(records(read("log.dat")))
+    assert [(did, offset, len(payload)) for did, offset, payload in results] == [
         (row["did"], row["offset"], row["size"]) for row in expected
     ]
-    for (did, offset, payload), row in zip(found, expected, strict=True):
+    for (did, offset, payload), row in zip(results, expected, strict=True):
         packet = build(frames.DATA, did, payload, offset=offset)
-        said = frame_to_json(packet)
-        assert said["message"] == row["did_name"]
-        same(said["fields"], row["fields"], row["n"])
-        assert frame_from_json(said) == packet
+        message = frame_to_json(packet)
+        assert message["message"] == row["did_name"]
+        same(message["fields"], row["fields"], row["n"])
+        assert frame_from_json(message) == packet
 
 
 def test_every_record_of_a_raw_log() -> None:
     """In order, with its values; the decoder merges parts of a set into its last value."""
     data, expected = read("log.raw"), rows("raw.values.jsonl")
-    found = oracle.scan(data, final=True)
+    results = oracle.scan(data, final=True)
     sets = [row for row in expected if "did" in row]
-    assert [(p.did, p.part or 0, len(p.payload)) for p in found.packets] == [
+    assert [(p.did, p.part or 0, len(p.payload)) for p in results.packets] == [
         (row["did"], row["offset"], row["size"]) for row in sets
     ]
-    for one, row in zip(found.packets, sets, strict=True):
+    for one, row in zip(results.packets, sets, strict=True):
         same(frame_to_json(data[one.offset : one.offset + one.size])["fields"], row["fields"], row["n"])
     decoder = IsbDecoder()
     decoder.feed(data, 0)

@@ -19,7 +19,7 @@ from imuscope.protocols.schema.fields import Field
 from imuscope.server.configuration.form_builder import field_form
 from imuscope.server.configuration.value_format import words
 from tests.support.each_row import each_row
-from tests.vendor.inertial_sense import KEPT
+from tests.vendor.inertial_sense import CONSTANTS_FILE
 
 FLASH = 12
 
@@ -56,7 +56,7 @@ def test_angles_are_typed_in_degrees_in_a_form(name: str) -> None:
 
 
 def test_ranges_are_the_vendors() -> None:
-    constants = json.loads(KEPT.read_text(encoding="utf-8"))["constants"]
+    constants = json.loads(CONSTANTS_FILE.read_text(encoding="utf-8"))["constants"]
     rates = {value for name, value in constants["baud_rate_t"].items() if name.rpartition("_")[2].isdigit()}
     assert set(BAUD_RATES) == set(flash("ser0BaudRate").choices) == rates  # 10 MBd too, and not 1, 2 or 3 MBd
     kilobits = {value for name, value in constants["can_baudrate_t"].items() if name.endswith("_KBPS")}
@@ -98,29 +98,29 @@ def test_choices_are_not_in_capitals() -> None:
 
 def test_commands_are_not_offered_as_sentences() -> None:
     """SRST, which restarts the device, and STPB stood in the list of sentences."""
-    kept = settings_of()["DID_NMEA_BCAST_PERIOD"].fields[1].fields[0].choices
+    stored = settings_of()["DID_NMEA_BCAST_PERIOD"].fields[1].fields[0].choices
     chosen = COMMAND_ROWS["ASCE"].arguments[1].fields[0].choices
-    for names in (set(kept.values()), set(chosen.values())):
+    for names in (set(stored.values()), set(chosen.values())):
         assert {"PIMU", "GNGGA", "POWTLV"} <= names
         assert not {"SRST", "STPB", "PERS", "ASCE", "NELB", "SPECIAL_CASE_START", "GNGSV_START"} & names
-    assert max(kept) < 256, "a number of one byte"
+    assert max(stored) < 256, "a number of one byte"
     assert "GPGSV_1" in chosen.values()
 
 
-def test_a_navigation_period_that_the_product_cannot_keep_is_told() -> None:
+def test_a_navigation_period_that_the_product_cannot_keep_is_reported() -> None:
     """3 ms was written to an IMX-5 without a word, while the help said at least 7 ms; all streams rose to 333 Hz."""
     driver, old = IsbDriver(), {"startupNavDtMs": 20, "startupImuDtMs": 20}
 
-    def told(product: str, **new: int) -> list[str]:
-        found = driver.risks("DID_FLASH_CONFIG", old, new, DeviceContext(product=product))
-        return [harm.consequence for harm in found]
+    def report(product: str, **new: int) -> list[str]:
+        results = driver.risks("DID_FLASH_CONFIG", old, new, DeviceContext(product=product))
+        return [harm.consequence for harm in results]
 
     short = "An IMX-5 with a GNSS receiver needs a navigation period of at least 7 ms, given 3 ms."
     faster = "Every stream that follows the navigation period rises from 50 to 333.3 Hz."
     sampling = "The sampling period of 20 ms is longer than the navigation period: the device shortens it to 3 ms."
-    assert told("IMX-5.1", startupNavDtMs=3) == [short, sampling, faster]
-    assert told("GPX-1", startupNavDtMs=3) == [sampling, faster]
-    assert told("IMX-5.1", startupNavDtMs=40) == []
+    assert report("IMX-5.1", startupNavDtMs=3) == [short, sampling, faster]
+    assert report("GPX-1", startupNavDtMs=3) == [sampling, faster]
+    assert report("IMX-5.1", startupNavDtMs=40) == []
     slower = "The sampling period of 30 ms is longer than the navigation period: the device shortens it to 20 ms."
-    assert told("IMX-5.1", startupImuDtMs=30) == [slower]
-    assert told("IMX-5.1", startupImuDtMs=30, startupNavDtMs=40) == []
+    assert report("IMX-5.1", startupImuDtMs=30) == [slower]
+    assert report("IMX-5.1", startupImuDtMs=30, startupNavDtMs=40) == []

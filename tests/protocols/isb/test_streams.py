@@ -53,10 +53,10 @@ def test_a_stream_that_was_requested_nevertheless_is_restarted() -> None:
     device.streams = {**device.streams, 13: 60_000}
     device._make()
     stopped = DRIVER.within(DRIVER.run("GET_DID_GPS1_POS", {}, KNOWN), KNOWN)
-    act, asked = next(stopped), False
-    while not asked:
-        asked = isinstance(act, Send) and act.frame == frames.get_data(13, period=0)
-        act = act if asked else stopped.send(there.do(act))
+    act, request = next(stopped), False
+    while not request:
+        request = isinstance(act, Send) and act.frame == frames.get_data(13, period=0)
+        act = act if request else stopped.send(there.do(act))
     assert [send.frame for send in cancel(stopped)] == [frames.get_data(13, period=1)]
 
 
@@ -73,17 +73,17 @@ def test_streams_are_read_with_their_periods() -> None:
 
 def test_streams_are_begun_changed_and_ended() -> None:
     there = wire()
-    wanted: dict[str, Any] = {
+    expected: dict[str, Any] = {
         "streams": [{"did": 4, "period": 4}, {"did": 52, "period": 1}, {"did": 10, "period": 100}]
     }
-    written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
+    written = play(DRIVER.within(DRIVER.write("streams", expected, KNOWN), KNOWN), there)
     assert written.actual is not None
     got = {row["did"]: row["period"] for row in written.actual["streams"]}
     assert got == {4: 4, 52: 1, 10: 100}  # DID_SYS_PARAMS has no bit: it was found by listening
-    assert DRIVER.same("streams", wanted, written.actual) == []
+    assert DRIVER.same("streams", expected, written.actual) == []
 
 
-def asked_for(there: PlayedWire) -> list[int]:
+def requested_ids(there: PlayedWire) -> list[int]:
     """Data sets that were requested to stream."""
     packets = [send.frame for send in there.sent if send.frame[2] & frames.TYPE_MASK == frames.GET_DATA]
     return [int.from_bytes(one[6:8], "little") for one in packets if one[12:14] != b"\0\0"]
@@ -103,14 +103,14 @@ def test_a_row_that_was_not_touched_is_not_sent(source: str) -> None:
     values = read_within("streams", there)
     rows = {row["did"]: row for row in values["streams"]}
     assert rows[58]["period"] * rows[58]["source_ms"] == pytest.approx(16 if source == "nav" else 1, rel=0.05)
-    wanted = [{**row, "period": 3} if row["did"] == 4 else row for row in values["streams"]]
+    expected = [{**row, "period": 3} if row["did"] == 4 else row for row in values["streams"]]
     there.sent.clear()
-    written = play(DRIVER.within(DRIVER.write("streams", {"streams": wanted}, KNOWN), KNOWN), there)
-    assert asked_for(there) == [4]
+    written = play(DRIVER.within(DRIVER.write("streams", {"streams": expected}, KNOWN), KNOWN), there)
+    assert requested_ids(there) == [4]
     assert device.streams == {**before, 4: 3}
     assert written.actual is not None
-    assert DRIVER.same("streams", {"streams": wanted}, written.actual) == []
-    previewed = DRIVER.setting_frames("streams", {"streams": wanted}, KNOWN, old=values)
+    assert DRIVER.same("streams", {"streams": expected}, written.actual) == []
+    previewed = DRIVER.setting_frames("streams", {"streams": expected}, KNOWN, old=values)
     assert previewed == [frames.get_data(4, period=3)]
 
 
@@ -123,13 +123,13 @@ def test_the_chosen_rate_is_measured_for_either_source(source: str, multiple: in
     there.pass_time(5)
     device = there.device
     assert isinstance(device, IsbSimulator)
-    wanted = {"streams": [{"did": 58, "period": 2, "size": 0, "source_ms": 16.0}]}
-    written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
+    expected = {"streams": [{"did": 58, "period": 2, "size": 0, "source_ms": 16.0}]}
+    written = play(DRIVER.within(DRIVER.write("streams", expected, KNOWN), KNOWN), there)
     assert written.actual is not None
     row = written.actual["streams"][0]
     assert row["period"] * row["source_ms"] == pytest.approx(32, rel=0.05)
     assert device.streams == {58: multiple}
-    assert DRIVER.same("streams", wanted, written.actual) == []
+    assert DRIVER.same("streams", expected, written.actual) == []
     alone = {"streams": [{"did": 58, "period": 4}]}
     play(DRIVER.within(DRIVER.write("streams", alone, KNOWN), KNOWN), there)
     assert device.streams == {58: 4}  # a multiple alone is a multiple
@@ -137,8 +137,8 @@ def test_the_chosen_rate_is_measured_for_either_source(source: str, multiple: in
 
 def test_a_refused_stream_is_reported_with_the_others() -> None:
     there = wire()
-    wanted = {"streams": [{"did": 4, "period": 2}, {"did": 123, "period": 1}]}
-    written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
+    expected = {"streams": [{"did": 4, "period": 2}, {"did": 123, "period": 1}]}
+    written = play(DRIVER.within(DRIVER.write("streams", expected, KNOWN), KNOWN), there)
     assert "DID_GPX_STATUS" in written.refused
     assert written.actual is not None
     assert {row["did"]: row["period"] for row in written.actual["streams"]} == {4: 2}
@@ -156,12 +156,12 @@ def test_a_request_to_save_is_carried_out_and_is_not_a_state() -> None:
 
 
 def test_streams_are_saved_over_a_restart_on_request() -> None:
-    for options, kept in ((1 << 9, {4}), (0, {58, 4, 5, 52, 53, 13, 30, 15})):
+    for options, stored in ((1 << 9, {4}), (0, {58, 4, 5, 52, 53, 13, 30, 15})):
         there = wire()
         play(DRIVER.write("streams", {"streams": [{"did": 4, "period": 1}], "options": options}, KNOWN), there)
         play(DRIVER.run("DID_SYS_CMD.SOFTWARE_RESET", {}, KNOWN), there)
         there.pass_time(5)
-        assert {row["did"] for row in read("streams", there)["streams"]} == kept
+        assert {row["did"] for row in read("streams", there)["streams"]} == stored
 
 
 def test_options_alone_save_the_current_streams() -> None:
@@ -195,13 +195,13 @@ def test_the_load_is_what_the_device_sends_to_the_byte(options: dict[str, Any], 
     there = wire(rate=rate)
     written = play(DRIVER.write("streams", options, KNOWN), there)
     assert written.actual is not None
-    asked = DRIVER.load({"streams": written.actual}, KNOWN)
+    request = DRIVER.load({"streams": written.actual}, KNOWN)
     seconds = 12  # a multiple of every period
     begin = -(-there.now_ns // S) * S + 1
     there.device.advance(begin)
     measured = len(there.device.advance(begin + seconds * S))
-    assert asked.total * seconds == pytest.approx(measured)
-    assert sum(part.bytes_per_s for part in asked.parts) == asked.total
+    assert request.total * seconds == pytest.approx(measured)
+    assert sum(part.bytes_per_s for part in request.parts) == request.total
 
 
 def test_the_load_follows_a_configuration_that_is_not_in_effect_yet() -> None:

@@ -42,13 +42,13 @@ def decoded(*chunks: bytes, arrival_ns: int = AT) -> list[Event]:
 
 def rows(events: list[Event]) -> list[tuple[str, int, str]]:
     """Every sample by its place: message, offset, values."""
-    found = []
+    results = []
     for event in events:
         if isinstance(event, Batch):
             for row, offset in enumerate(event.offset.tolist()):
                 values = {name: column[row].tolist() for name, column in event.columns.items()}
-                found.append((event.message.name, offset, repr(values)))
-    return sorted(found)
+                results.append((event.message.name, offset, repr(values)))
+    return sorted(results)
 
 
 @given(cuts=st.lists(st.integers(0, len(STREAM)), max_size=8))
@@ -155,9 +155,13 @@ def test_big_endian_messages_are_read() -> None:
     read = reader_of(channel)
     assert read is not None
     for kind, body in ((1, little), (0, big)):
-        found, refused = read([bytes([0, kind, 0, 0]) + body])
+        results, refused = read([bytes([0, kind, 0, 0]) + body])
         assert not refused
-        assert {name: column.tolist() for name, column in found[0].columns.items()} == {"a": [7], "b": [2.5], "c": [-4]}
+        assert {name: column.tolist() for name, column in results[0].columns.items()} == {
+            "a": [7],
+            "b": [2.5],
+            "c": [-4],
+        }
 
 
 def test_a_message_whose_channel_is_unknown_is_rejected() -> None:

@@ -17,7 +17,7 @@ PACKAGES = ("sensor_msgs", "geometry_msgs", "nav_msgs", "std_msgs", "diagnostic_
 EMPTY = "std_msgs/msg/Empty"  # on the wire it has a byte that its definition does not have
 TYPES = [name for name in ros.STORE.fielddefs if name.split("/")[0] in PACKAGES and name != EMPTY]
 NUMBERS = {"bool", "byte", "char", "octet", *(f"{u}int{size}" for u in ("", "u") for size in (8, 16, 32, 64))}
-LONGEST = 16
+MAX_SHOWN = 16
 
 
 def value_of(definition: Any, random: Random, numbers: dict[str, float], path: str, shown: bool) -> Any:
@@ -39,7 +39,7 @@ def value_of(definition: Any, random: Random, numbers: dict[str, float], path: s
         if kind == Nodetype.ARRAY
         else (detail[0], random.choice((0, 1, 3, 20) if detail[0][0] == Nodetype.BASE else (0, 1, 3)))
     )
-    shown = shown and count <= LONGEST
+    shown = shown and count <= MAX_SHOWN
     values = [value_of(inner, random, numbers, f"{path}.{n}", shown) for n in range(count)]
     if inner[0] == Nodetype.BASE and inner[1][0] != "string":
         name = {"byte": "uint8", "char": "uint8", "octet": "uint8"}.get(inner[1][0], inner[1][0])
@@ -48,16 +48,16 @@ def value_of(definition: Any, random: Random, numbers: dict[str, float], path: s
 
 
 def message_of(name: str, random: Random, numbers: dict[str, float], path: str = "", shown: bool = True) -> Any:
-    found: dict[str, float] = {}
+    results: dict[str, float] = {}
     fields = {
-        field: value_of(definition, random, found, f"{path}.{field}" if path else field, shown)
+        field: value_of(definition, random, results, f"{path}.{field}" if path else field, shown)
         for field, definition in ros.STORE.fielddefs[name][1]
     }
     if name in ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"):
         if shown and path not in STAMPS:
             numbers[path] = fields["sec"] + fields["nanosec"] / 1e9
     else:
-        numbers.update(found)
+        numbers.update(results)
     return ros.STORE.types[name](**fields)
 
 
@@ -69,7 +69,7 @@ def test_numbers_of_a_type(name: str) -> None:
     for seed in range(5):
         numbers: dict[str, float] = {}
         data = ros.cdr(name, message_of(name, Random(seed), numbers))
-        (found,), refused = read([data])
+        (results,), refused = read([data])
         assert not refused
-        wanted = dict(list(numbers.items())[:500])
-        assert {path: float(column[0]) for path, column in found.columns.items()} == wanted
+        expected = dict(list(numbers.items())[:500])
+        assert {path: float(column[0]) for path, column in results.columns.items()} == expected

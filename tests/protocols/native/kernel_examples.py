@@ -101,15 +101,15 @@ def turned(table: Any, out: Any) -> None:
 @compiled(INT, INTS)
 def distinct(values: Any) -> int:
     """Memory of a size that is not known before, and of one that is."""
-    seen = np.full(len(values), -1, np.int64)
+    observed = np.full(len(values), -1, np.int64)
     few = np.zeros((2, 4), np.int64)
     count = 0
     for i in range(len(values)):
         known = False
         for k in range(count):
-            known = known or seen[k] == values[i]
+            known = known or observed[k] == values[i]
         if not known:
-            seen[count] = values[i]
+            observed[count] = values[i]
             count += 1
         few[1, values[i] & 3] += 1
     return count * 1000 + few[1, 0] + few[0, 1]

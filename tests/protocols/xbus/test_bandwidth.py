@@ -47,18 +47,20 @@ def load_of(pairs: list[Pair], product: str = "") -> float:
 
 def messages(data: bytes) -> list[tuple[bytes, tuple[Pair, ...]]]:
     """The MTData2 messages of a stream, with (identifier, size) of their items."""
-    found = []
+    results = []
     at = 0
     while (at := data.find(b"\xfa\xff\x36", at)) >= 0:
         head = 6 if data[at + 3] == frames.EXTENDED else 4
         size = data[at + 3] if head == 4 else int.from_bytes(data[at + 4 : at + 6], "big")
         frame = data[at : at + head + size + 1]
         if len(frame) == head + size + 1 and not sum(frame[1:]) & 0xFF:
-            found.append((frame, tuple((identifier, size) for identifier, _, size in frames.items(frame[head:-1])[0])))
+            results.append(
+                (frame, tuple((identifier, size) for identifier, _, size in frames.items(frame[head:-1])[0]))
+            )
             at += len(frame)
         else:
             at += 1
-    return found
+    return results
 
 
 # -- captures ----------------------------------------------------------------------------------------------------------
@@ -68,8 +70,8 @@ FREE = 0x7020  # as long as the sky is full
 
 def configured(always: str, fast: str, **others: str) -> list[Pair]:
     """Identifiers in the order of the message: those of every message, those at 100 Hz, those at other rates."""
-    found = [(int(one, 16), ALWAYS) for one in always.split()] + [(int(one, 16), 100) for one in fast.split()]
-    return found + [(int(one, 16), int(rate[3:])) for rate, names in others.items() for one in names.split()]
+    results = [(int(one, 16), ALWAYS) for one in always.split()] + [(int(one, 16), 100) for one in fast.split()]
+    return results + [(int(one, 16), int(rate[3:])) for rate, names in others.items() for one in names.split()]
 
 
 CONFIGURED = {  # output configuration of the captured devices, by the rates of their items
@@ -82,11 +84,11 @@ CONFIGURED = {  # output configuration of the captured devices, by the rates of 
 
 
 @each_row("name", CONFIGURED)
-def test_a_capture_is_as_long_as_its_configuration_says(captures: Path, name: str) -> None:
+def test_a_capture_is_as_long_as_its_configuration_states(captures: Path, name: str) -> None:
     """Message by message: the ones computed, less the items that a device leaves out while it has no value for them."""
     kinds = [due for stream in streams(CONFIGURED[name]) for due, _ in messages_of(stream)]
-    found = messages(capture(captures, name))
-    for frame, items in found:
+    results = messages(capture(captures, name))
+    for frame, items in results:
         sizes = dict(items)
         timed = {identifier for identifier in sizes if (identifier, ALWAYS) not in CONFIGURED[name]}
         kind = min((kind for kind in kinds if timed <= {identifier for identifier, _ in kind}), key=len)
@@ -95,7 +97,7 @@ def test_a_capture_is_as_long_as_its_configuration_says(captures: Path, name: st
         assert [identifier for identifier, _ in there] == list(sizes)  # the order, too
         size = sum(3 + (sizes[FREE] if pair[0] == FREE else size_of(pair)) for pair in there)
         assert len(frame) == size + (5 if size <= 254 else 7)
-    assert len(found) > 90
+    assert len(results) > 90
 
 
 def capture(captures: Path, name: str) -> bytes:
@@ -107,14 +109,14 @@ def capture(captures: Path, name: str) -> bytes:
 
 def test_a_capture_of_49_s_to_the_byte(captures: Path) -> None:
     """4 746 samples at 100 Hz and 190 solutions at 4 Hz, compared with the computed load of the same time."""
-    found = messages(capture(captures, "mti_100hz_49s"))
-    kinds = Counter(0x7010 in dict(items) for _, items in found)
+    results = messages(capture(captures, "mti_100hz_49s"))
+    kinds = Counter(0x7010 in dict(items) for _, items in results)
     assert kinds == {False: 4746, True: 190}
     pairs = CONFIGURED["mti_100hz_49s"]
     main = load_of([pair for pair in pairs if pair[0] != 0x7010])
     solution = load_of(pairs) - main
     assert (main, solution) == (7300, 456)
-    assert main * 4746 / 100 + solution * 190 / 4 == sum(len(frame) for frame, _ in found)
+    assert main * 4746 / 100 + solution * 190 / 4 == sum(len(frame) for frame, _ in results)
 
 
 # -- the simulator -----------------------------------------------------------------------------------------------------

@@ -17,8 +17,8 @@ from tests.support.each_row import each_row
 
 
 def test_tss2() -> None:
-    found, kept = find(TSS2 + b"\r\n", final=False)
-    assert found == [
+    result, stored = find(TSS2 + b"\r\n", final=False)
+    assert result == [
         ParsedMessage(
             0,
             27,
@@ -28,12 +28,12 @@ def test_tss2() -> None:
             {"heading": 123.45, "heave": 0.0, "status": "H", "roll": -1.5, "pitch": 2.5, "headingStatus": "F"},
         )
     ]
-    assert kept == 27
+    assert stored == 27
 
 
 def test_tss2_without_line_ends() -> None:
-    found, _ = find(TSS2 * 3, final=True)
-    assert [(one.offset, one.size) for one in found] == [(0, 25), (25, 25), (50, 25)]
+    results, _ = find(TSS2 * 3, final=True)
+    assert [(one.offset, one.size) for one in results] == [(0, 25), (25, 25), (50, 25)]
 
 
 @each_row("wrong", [b":36000  0000H-0150  0250F", b":1234x  0000H-0150  0250F", b":12345  0000H+0150  0250F"])
@@ -42,10 +42,10 @@ def test_bytes_that_resemble_tss2_are_rejected(wrong: bytes) -> None:
 
 
 def test_em1000_is_accepted_when_two_more_follow() -> None:
-    found, _ = find(EM1000 * 5, final=True)
-    assert [one.offset for one in found] == [0, 10, 20, 30, 40]
-    assert found[0].fields == {"roll": -1.5, "pitch": 2.5, "heave": 0.0, "heading": 123.45}
-    assert (found[0].protocol, found[0].name, found[0].size) == ("em1000", "EM1000", 10)
+    results, _ = find(EM1000 * 5, final=True)
+    assert [one.offset for one in results] == [0, 10, 20, 30, 40]
+    assert results[0].fields == {"roll": -1.5, "pitch": 2.5, "heave": 0.0, "heading": 123.45}
+    assert (results[0].protocol, results[0].name, results[0].size) == ("em1000", "EM1000", 10)
     assert find(EM1000 * 2, final=True)[0] == []
 
 
@@ -60,16 +60,16 @@ def test_em1000_is_found_wherever_a_device_may_send_it() -> None:
     apart = (EM1000 + others * 13 + TSS2 + b"\r\n") * 5
     assert len([one for one in find(apart, final=True)[0] if one.name == "EM1000"]) == 5
     row = Em1000Row(-WINDOW_BYTES - 1, 0)
-    found = []
+    results = []
     for _ in range(5):  # each between two frames, or alone in a second
-        found.append(len(find(EM1000, final=True, row=row)[0]))
+        results.append(len(find(EM1000, final=True, row=row)[0]))
         row.end -= 10 + WINDOW_BYTES // 2
-    assert found == [0, 0, 1, 1, 1]
+    assert results == [0, 0, 1, 1, 1]
 
 
 def test_em1000_among_other_strings() -> None:
-    found, _ = find((EM1000 + TSS2 + b"\r\n" + b"$HCHDM,1.0,M*00\r\n") * 4, final=True, row=Em1000Row(0))
-    assert [one.name for one in found] == ["EM1000", "TSS2"] * 4
+    results, _ = find((EM1000 + TSS2 + b"\r\n" + b"$HCHDM,1.0,M*00\r\n") * 4, final=True, row=Em1000Row(0))
+    assert [one.name for one in results] == ["EM1000", "TSS2"] * 4
 
 
 @each_row(
@@ -91,16 +91,16 @@ def test_noise_holds_no_strings() -> None:
 
 
 def pieces(data: bytes, cuts: list[int]) -> list[tuple[int, str]]:
-    found: list[tuple[int, str]] = []
+    results: list[tuple[int, str]] = []
     start = end = 0
     row = Em1000Row(-WINDOW_BYTES - 1, 0)
     for size in [*cuts, len(data)]:
         end = min(end + size, len(data))
-        now, kept = find(data[start:end], final=end == len(data), row=row)
-        found += [(one.offset + start, one.name) for one in now]
-        start += kept
-        row.end -= kept
-    return found
+        now, stored = find(data[start:end], final=end == len(data), row=row)
+        results += [(one.offset + start, one.name) for one in now]
+        start += stored
+        row.end -= stored
+    return results
 
 
 parts = st.binary(max_size=12) | st.sampled_from(
@@ -116,6 +116,6 @@ def test_cutting_changes_nothing(data: bytes, cuts: list[int]) -> None:
 @given(st.binary(max_size=200), st.booleans(), st.none() | st.integers(0, 2000))
 def test_any_bytes_are_survived(data: bytes, final: bool, since: int | None) -> None:
     row = Em1000Row(-since) if since is not None else None
-    found, kept = find(memoryview(data), final=final, row=row)
-    assert 0 <= kept <= len(data)
-    assert all(one.offset + one.size <= kept for one in found)
+    results, stored = find(memoryview(data), final=final, row=row)
+    assert 0 <= stored <= len(data)
+    assert all(one.offset + one.size <= stored for one in results)

@@ -33,11 +33,11 @@ OUTSIDE = {  # of MESSAGES to the device: reserved, or not for these devices
 
 
 def test_every_message_to_the_device_is_a_command() -> None:
-    told = {message.name for message in MESSAGES if message.direction == "to_device"} - OUTSIDE
+    subjects = {message.name for message in MESSAGES if message.direction == "to_device"} - OUTSIDE
     forms = {row.message for row in commands.rows(None).values()}
-    assert forms == told
+    assert forms == subjects
     titles = {(row.message, row.form) for row in commands.rows(None).values()}
-    assert titles == {(name, form) for name in told for form in range(len(BY_NAME[name]))}
+    assert titles == {(name, form) for name in subjects for form in range(len(BY_NAME[name]))}
 
 
 @each_row("number", MODELS)
@@ -230,9 +230,9 @@ def test_every_command_of_every_product_is_a_frame_and_back() -> None:
     for name, command in SWEEP:
         known = KNOWN.get(name, UNKNOWN)
         frame = DRIVER.frame(command.name, sensible(command, known), known)
-        told = frame_to_json(frame)
-        assert told["message"] == command.name.split(" (")[0].split(".")[0], (name, command.name)
-        assert frame_from_json(told) == frame, (name, command.name)
+        report = frame_to_json(frame)
+        assert report["message"] == command.name.split(" (")[0].split(".")[0], (name, command.name)
+        assert frame_from_json(report) == frame, (name, command.name)
         spans = DRIVER.annotate(frame)
         assert [span.offset for span in spans] == [sum(s.size for s in spans[:k]) for k in range(len(spans))]
         assert sum(span.size for span in spans) == len(frame)

@@ -273,12 +273,12 @@ def test_a_gnss_message_with_a_fix_has_its_own_older_time(cut: str) -> None:
     frames = [sample(0, fine=1000), solution(1, 7, 0), solution(2, 200, 3), satellites(3, 200), sample(4, fine=1010)]
     events = decode(*(frames if cut != "whole" else [b"".join(frames)]))
     assert not of(events, ClockStep)
-    found = {
+    results = {
         int(offset): None if batch.time_ns is None else int(batch.time_ns[row])  # type: ignore[attr-defined]
         for batch in of(events, Batch)
         for row, offset in enumerate(batch.offset)  # type: ignore[attr-defined]
     }
-    assert [found[offset] for offset in sorted(found)] == [100_000_000, None, 20_000_000, 20_000_000, 101_000_000]
+    assert [results[offset] for offset in sorted(results)] == [100_000_000, None, 20_000_000, 20_000_000, 101_000_000]
 
 
 @each_row("chunk", [1 << 20, 97])

@@ -55,8 +55,8 @@ def compare(got: Any, expected: Any) -> None:
         for name, value in expected.items():
             assert got[name] == value / scales.get(name, 1), name
         return
-    wanted = flat(expected)
-    for one, other in zip(flat(got.tolist()), wanted, strict=True):
+    target = flat(expected)
+    for one, other in zip(flat(got.tolist()), target, strict=True):
         assert one == other or math.isclose(one, other, rel_tol=2**-23)
 
 

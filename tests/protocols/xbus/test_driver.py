@@ -56,20 +56,20 @@ def test_every_stored_setting_of_a_product_is_read_written_and_restored(product:
     settings = DRIVER.settings(known)
 
     def body() -> Transaction[dict[str, Values]]:
-        found: dict[str, Values] = {}
+        results: dict[str, Values] = {}
         for setting in settings:
             values = yield from DRIVER.read(setting.name, known)
             assert set(values) == {field.name for field in setting.fields}, setting.name
-            found[setting.name] = values
+            results[setting.name] = values
             if setting.write and values != {"outputs": []}:
                 written = yield from DRIVER.write(setting.name, values, known)
                 assert written.refused == "", (setting.name, written)
                 assert written.actual is not None
                 assert DRIVER.same(setting.name, values, written.actual) == []
-        return found
+        return results
 
-    found = play(DRIVER.within(body(), known), line)
-    assert len(found) == len(settings) >= 11
+    results = play(DRIVER.within(body(), known), line)
+    assert len(results) == len(settings) >= 11
     assert phase(line) == "measurement"
 
 
@@ -166,7 +166,7 @@ SYNC_FIELDS = (
 )
 
 
-def test_a_command_says_in_which_state_it_runs() -> None:
+def test_a_command_states_in_which_state_it_runs() -> None:
     known = DeviceContext(product="MTi-630")
     states = {
         ("ResetOrientation", 0): "config",
@@ -285,12 +285,12 @@ def test_a_serial_number_of_64_bits_is_the_same_in_every_message() -> None:
     """Configuration has the low word first: before and after a reading one device was two."""
     line = wire("MTi-680G", serial=0x80AB_CDEF)
     line.device.receive(frames.build(0x30), line.now_ns)
-    told = []
+    messages = []
     for number in (0x00, 0x0C):
         decoder = PROTOCOLS["xbus"].decoding.decoder()
         decoder.feed(line.device.receive(frames.build(number), line.now_ns), 0)
-        told += [identity(event)["serial_number"] for event in decoder.drain() if isinstance(event, Reply)]
-    assert told == ["0080ABCDEF"] * 2
+        messages += [identity(event)["serial_number"] for event in decoder.drain() if isinstance(event, Reply)]
+    assert messages == ["0080ABCDEF"] * 2
     assert DRIVER.formerly("0080ABCDEF") == ("80ABCDEF", "80ABCDEF00000000")
     assert DRIVER.formerly("03880001") == ()
 

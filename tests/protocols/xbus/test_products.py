@@ -29,7 +29,7 @@ from tests.support.each_row import each_row
         ("SI30A1", 0, ""),
     ],
 )
-def test_a_product_has_rules_or_is_said_to_have_none(product: str, number: int, name: str) -> None:
+def test_a_product_has_rules_or_is_reported_to_have_none(product: str, number: int, name: str) -> None:
     model = model_of(product)
     assert (model.number, model.name) == (number, name) if model is not None else number == 0
     note = XbusDriver().lacking_rules(DeviceContext(product=product))

@@ -21,13 +21,13 @@ from tests.support.each_row import each_row
 
 def numbers(command: Command) -> list[tuple[str, Field]]:
     """Paths of the single numbers of a command's sensible values."""
-    found = []
+    results = []
     for field in command.arguments:
         if field.fields and field.shape:
-            found += [(f"{field.name}.0.{part.name}", part) for part in field.fields]
+            results += [(f"{field.name}.0.{part.name}", part) for part in field.fields]
         elif not field.shape and field.dtype not in ("bytes", "ascii"):
-            found.append((field.name, field))
-    return found
+            results.append((field.name, field))
+    return results
 
 
 def put(values: dict[str, Any], path: str, value: Any) -> None:
@@ -108,7 +108,7 @@ def entry(**values: int) -> dict[str, Any]:
     return sync({"list": [{"polarity": 1, **values}]})
 
 
-def asked(identifier: int, times: int = 1) -> dict[str, Any]:
+def request_of(identifier: int, times: int = 1) -> dict[str, Any]:
     """An output configuration of one output, or of the same one several times."""
     return {"outputs": [{"data_identifier": identifier, "output_frequency": 1}] * times}
 
@@ -120,11 +120,11 @@ def utc(**parts: int) -> dict[str, Any]:
 
 
 TOGETHER = [
-    ("SetOutputConfiguration", asked(0x5042), "outputs.0.data_identifier", "MTi-630 has no LatLon"),
-    ("SetOutputConfiguration", asked(0x1021), "outputs.0.data_identifier", "no such form"),
-    ("SetOutputConfiguration", asked(0x4FF0), "outputs.0.data_identifier", "no such data"),
-    ("SetOutputConfiguration", asked(0x2010, 2), "outputs.1.data_identifier", "twice"),
-    ("SetOutputConfiguration", asked(0x1020, 33), "outputs", "at most 32 entries, given 33"),
+    ("SetOutputConfiguration", request_of(0x5042), "outputs.0.data_identifier", "MTi-630 has no LatLon"),
+    ("SetOutputConfiguration", request_of(0x1021), "outputs.0.data_identifier", "no such form"),
+    ("SetOutputConfiguration", request_of(0x4FF0), "outputs.0.data_identifier", "no such data"),
+    ("SetOutputConfiguration", request_of(0x2010, 2), "outputs.1.data_identifier", "twice"),
+    ("SetOutputConfiguration", request_of(0x1020, 33), "outputs", "at most 32 entries, given 33"),
     ("SetSyncSettings", entry(function=4, line=7, offset_100us=30_001), DELAY, "3000.1 ms"),
     ("SetSyncSettings", entry(function=3, line=2, delay_100us=60_001), DELAY, "0 and 6000 ms"),
     ("SetSyncSettings", entry(function=3, line=6), "settings.0.line", "SendLatest"),
@@ -185,9 +185,9 @@ def test_an_older_gnss_product_has_what_its_successor_has() -> None:
 def test_fields_are_those_of_the_product() -> None:
     def field(product: str, setting: str, name: str) -> Field:
         row = next(row for row in DRIVER.settings(KNOWN[product]) if row.name == setting)
-        found = [field for field in row.fields if field.name == name]
-        found += [part for field in row.fields for part in field.fields if part.name == name]
-        return found[0]
+        results = [field for field in row.fields if field.name == name]
+        results += [part for field in row.fields for part in field.fields if part.name == name]
+        return results[0]
 
     assert [bits.name for bits in field("MTi-630", "OptionFlags", "flags").bits] == [
         "EnableConfigurableBusId",

@@ -61,10 +61,10 @@ def test_vendor_values(vector: dict[str, Any]) -> None:
         if name in ("acc", "gyr", "mag", "temp_raw", "raw", "temp_C", "bits"):
             continue  # below
         got = first_row(batch, name).ravel()
-        wanted = np.atleast_1d(np.asarray(expected, np.float64))
-        ulp = np.spacing(np.abs(wanted).astype(batch.columns[name].dtype)) if got.dtype.kind == "f" else 0
-        assert got.shape == wanted.shape
-        assert (np.abs(got.astype(np.float64) - wanted) <= np.maximum(ulp, tolerance(vector, name))).all()
+        target = np.atleast_1d(np.asarray(expected, np.float64))
+        ulp = np.spacing(np.abs(target).astype(batch.columns[name].dtype)) if got.dtype.kind == "f" else 0
+        assert got.shape == target.shape
+        assert (np.abs(got.astype(np.float64) - target) <= np.maximum(ulp, tolerance(vector, name))).all()
 
 
 def compare_record(batch: Batch, name: str, expected: dict[str, Any]) -> None:
@@ -177,10 +177,10 @@ def test_commands(vector: dict[str, Any]) -> None:
     values = dict(reply.values)
     for argument, expected in vector["args"].items():
         names = ARGUMENTS.get(argument, argument)
-        found = [values[n] for n in ([names] if isinstance(names, str) else names) if n in values]
+        results = [values[n] for n in ([names] if isinstance(names, str) else names) if n in values]
         if argument in ("list", "quaternion", "data_hex", "data_len", "fill", "bid", "bps", "words"):
             continue  # below
-        (got,) = found
+        (got,) = results
         if argument in ("device_id", "master_device_id"):
             expected = int(expected, 16)
         assert got == (pytest.approx(expected, rel=1e-7) if isinstance(expected, float) else expected), argument
@@ -200,8 +200,10 @@ def expected_record(entry: Any, record: dict[str, int]) -> dict[str, int]:
         return {"data_identifier": int(entry[0], 16), "output_frequency": entry[1]}
     names = {"once": "trigger_once", "pulse_width_100us": "pulse_width"}
     delays = {"delay_100us", "offset_100us"}
-    wanted = {names.get(n, "delay_offset_or_clock_period" if n in delays else n): v & 0xFFFF for n, v in entry.items()}
-    return {**dict.fromkeys(record, 0), **wanted}
+    expected = {
+        names.get(n, "delay_offset_or_clock_period" if n in delays else n): v & 0xFFFF for n, v in entry.items()
+    }
+    return {**dict.fromkeys(record, 0), **expected}
 
 
 @each_row("vector", COMPUTED["messages"], ids=lambda v: f"{v['message']}-{v['message_hex'][4:12]}")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 
-from tests.vendor.xsens import KEPT, SOURCE, differences
+from tests.vendor.xsens import CONSTANTS_FILE, SOURCE, differences
 
 
 def test_every_flag_code_and_message_is_the_vendors() -> None:
-    kept = json.loads(KEPT.read_text(encoding="utf-8"))
-    assert kept["source"] == SOURCE
-    assert differences(kept["constants"]) == []
-    assert len(kept["constants"]["XsXbusMessageId"]) > 300
+    document = json.loads(CONSTANTS_FILE.read_text(encoding="utf-8"))
+    assert document["source"] == SOURCE
+    assert differences(document["constants"]) == []
+    assert len(document["constants"]["XsXbusMessageId"]) > 300

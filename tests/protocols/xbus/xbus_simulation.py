@@ -22,18 +22,18 @@ def decode(data: bytes) -> list[Event]:
 
 def replies(data: bytes) -> list[tuple[int, bytes]]:
     """Message number and payload of all frames but MTData2."""
-    found, at = [], 0
+    result, at = [], 0
     while at < len(data):
         head = 6 if data[at + 3] == 0xFF else 4
         size = data[at + 3] if head == 4 else struct.unpack_from(">H", data, at + 4)[0]
         assert sum(data[at + 1 : at + head + size + 1]) & 0xFF == 0
         if data[at + 2] != frames.MTDATA2:
-            found.append((data[at + 2], data[at + head : at + head + size]))
+            result.append((data[at + 2], data[at + head : at + head + size]))
         at += head + size + 1
-    return found
+    return result
 
 
-def ask(device: XbusSimulator, mid: int, payload: bytes = b"", now: int = 2 * S) -> tuple[int, bytes]:
+def reply_to(device: XbusSimulator, mid: int, payload: bytes = b"", now: int = 2 * S) -> tuple[int, bytes]:
     """Send one message; the one answer."""
     answers = replies(device.receive(frames.build(mid, payload), now))
     assert len(answers) == 1, answers
@@ -49,5 +49,5 @@ def in_config(product: str = "MTi-630", **options: Any) -> XbusSimulator:
 def _in_config(product: str, options: tuple[tuple[str, Any], ...]) -> XbusSimulator:
     device = XbusSimulator(product, **dict(options))
     run(device, 1)
-    assert ask(device, 0x30, now=1 * S) == (0x31, b"")
+    assert reply_to(device, 0x30, now=1 * S) == (0x31, b"")
     return device

@@ -25,29 +25,29 @@ def in_parts(values: Floats, size: int = 64) -> Iterator[Floats]:
 def test_a_yaw_that_turns_through_180_degrees_has_its_mean_there() -> None:
     """Regression: 5 s at 11.46 °/s through ±180° were reported as 26.66° ± 163.48°."""
     values = turn(175.0, 28.65)
-    told = statistics_of(lambda: in_parts(values), 360.0)
-    assert told.mean == pytest.approx(175.0, abs=1e-3)
-    assert told.sigma == pytest.approx(57.3 / np.sqrt(12), rel=0.01)
+    report = statistics_of(lambda: in_parts(values), 360.0)
+    assert report.mean == pytest.approx(175.0, abs=1e-3)
+    assert report.sigma == pytest.approx(57.3 / np.sqrt(12), rel=0.01)
 
 
 @each_row("centre", [0.0, 90.0, 170.0, 180.0, -179.0])
 def test_the_mean_of_more_than_half_a_turn_is_its_middle(centre: float) -> None:
-    told = statistics_of(lambda: in_parts(turn(centre, 130.0)), 360.0)
-    assert wrapped(told.mean - centre, 360.0) == pytest.approx(0.0, abs=1e-3)
+    report = statistics_of(lambda: in_parts(turn(centre, 130.0)), 360.0)
+    assert wrapped(report.mean - centre, 360.0) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_the_mean_of_a_crooked_distribution_is_that_of_its_values() -> None:
     """Directions pull differently than values: the middle of the circle is not the mean yet."""
     values = np.concatenate((np.full(900, -80.0), np.full(100, 60.0)))
-    told = statistics_of(lambda: in_parts(values), 360.0)
-    assert told.mean == pytest.approx(values.mean(), abs=1e-3)
-    assert told.sigma == pytest.approx(values.std(ddof=1), rel=1e-6)
+    report = statistics_of(lambda: in_parts(values), 360.0)
+    assert report.mean == pytest.approx(values.mean(), abs=1e-3)
+    assert report.sigma == pytest.approx(values.std(ddof=1), rel=1e-6)
 
 
 def test_an_axis_that_spins_has_no_mean() -> None:
-    told = statistics_of(lambda: in_parts(turn(0.0, 718.0, 4000)), 360.0)
-    assert np.isnan(told.mean)
-    assert told.sigma > 90
+    report = statistics_of(lambda: in_parts(turn(0.0, 718.0, 4000)), 360.0)
+    assert np.isnan(report.mean)
+    assert report.sigma > 90
 
 
 def test_linear_statistics_agree_with_numpy(tmp_path: Path) -> None:
@@ -60,11 +60,11 @@ def test_linear_statistics_agree_with_numpy(tmp_path: Path) -> None:
     writer.append(1, [time, time, pressure])
     store = writer.finish({})
     lo, hi = store.between(1, 0.0, 170.0)
-    told = statistics(store, 1, 0, lo, hi)
+    report = statistics(store, 1, 0, lo, hi)
     want = pressure[lo:hi][np.isfinite(pressure[lo:hi])]
-    assert (told.n, told.min, told.max) == (len(want), want.min(), want.max())
-    assert told.mean == pytest.approx(want.mean(), rel=1e-12)
-    assert told.sigma == pytest.approx(want.std(ddof=1), rel=1e-9)
+    assert (report.n, report.min, report.max) == (len(want), want.min(), want.max())
+    assert report.mean == pytest.approx(want.mean(), rel=1e-12)
+    assert report.sigma == pytest.approx(want.std(ddof=1), rel=1e-9)
     assert statistics(store, 1, 0, 5, 5).n == 0
 
 
@@ -75,6 +75,6 @@ def test_the_length_of_vectors_is_that_of_each(tmp_path: Path) -> None:
     writer = ColumnStoreWriter(tmp_path / "store")
     writer.channel(1, ChannelLayout(("f8", "f8", "f8"), (False, False, False)))
     writer.append(1, [time, time, x, y, z])
-    told = norm_statistics(writer.finish({}), 1, range(3), 0, 1000)
+    report = norm_statistics(writer.finish({}), 1, range(3), 0, 1000)
     want = np.sqrt(x * x + y * y + z * z)
-    assert (told.mean, told.sigma) == (pytest.approx(want.mean()), pytest.approx(want.std(ddof=1)))
+    assert (report.mean, report.sigma) == (pytest.approx(want.mean()), pytest.approx(want.std(ddof=1)))

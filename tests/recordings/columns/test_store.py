@@ -53,10 +53,10 @@ def test_a_stretch_is_exactly_its_rows(tmp_path: Path) -> None:
     store = made(tmp_path / "a", columns)
     key = key_of(columns)
     t0, t1 = key[5000], key[14_321]
-    found = store.query(7, t0, t1)
-    assert isinstance(found, ExactRows)
+    results = store.query(7, t0, t1)
+    assert isinstance(results, ExactRows)
     inside = (key >= t0) & (key <= t1)
-    for got, whole in zip((found.arrival, found.time, *found.columns), columns, strict=True):
+    for got, whole in zip((results.arrival, results.time, *results.columns), columns, strict=True):
         np.testing.assert_array_equal(got, whole[inside])
     assert store.rows(7) == 20_000
     assert store.span(7) == (key[0], key[-1])
@@ -76,25 +76,25 @@ def test_buckets_agree_with_a_plain_loop(tmp_path_factory: pytest.TempPathFactor
     ends = sorted((data.draw(st.floats(-0.2, 1.2)), data.draw(st.floats(-0.2, 1.2))))
     t0, t1 = (key[0] + f * (key[-1] - key[0]) for f in ends)
     width = data.draw(st.integers(1, 400))
-    found = store.query(7, t0, t1, width, base=base)  # type: ignore[arg-type]
+    results = store.query(7, t0, t1, width, base=base)  # type: ignore[arg-type]
     inside = (key >= t0) & (key <= t1)
-    if isinstance(found, ExactRows):
+    if isinstance(results, ExactRows):
         assert inside.sum() <= 2 * width
-        np.testing.assert_array_equal(found.columns[2], columns[4][inside])
+        np.testing.assert_array_equal(results.columns[2], columns[4][inside])
         return
-    assert len(found) <= width
-    assert (np.diff(found.t) > 0).all()
+    assert len(results) <= width
+    assert (np.diff(results.t) > 0).all()
     value, flags = columns[2][inside], columns[3][inside]
-    assert found.low[0].dtype == np.float32
-    assert np.nanmin(found.low[0]) <= np.nanmin(value)
-    assert np.nanmax(found.high[0]) >= np.nanmax(value)
-    assert np.bitwise_or.reduce(found.low[1]) & np.bitwise_or.reduce(flags) == np.bitwise_or.reduce(flags)
-    assert inside.sum() <= found.n.sum() <= inside.sum() + 2 * 4096 / 8 * 2
+    assert results.low[0].dtype == np.float32
+    assert np.nanmin(results.low[0]) <= np.nanmin(value)
+    assert np.nanmax(results.high[0]) >= np.nanmax(value)
+    assert np.bitwise_or.reduce(results.low[1]) & np.bitwise_or.reduce(flags) == np.bitwise_or.reduce(flags)
+    assert inside.sum() <= results.n.sum() <= inside.sum() + 2 * 4096 / 8 * 2
     # every row is between low and high of a bucket that starts no later than it, and at most one later
-    bucket = np.maximum(np.searchsorted(found.t, key[inside], "right") - 1, 0)
-    low, high = found.low[0][bucket], found.high[0][bucket]
+    bucket = np.maximum(np.searchsorted(results.t, key[inside], "right") - 1, 0)
+    low, high = results.low[0][bucket], results.high[0][bucket]
     previous = np.maximum(bucket - 1, 0)
-    low, high = np.fmin(low, found.low[0][previous]), np.fmax(high, found.high[0][previous])
+    low, high = np.fmin(low, results.low[0][previous]), np.fmax(high, results.high[0][previous])
     ok = np.isnan(value) | ((value >= low) & (value <= high))
     assert ok.all()
 
@@ -103,11 +103,11 @@ def test_a_fault_of_one_sample_is_seen_at_every_zoom(tmp_path: Path) -> None:
     columns = rows(100_000)
     store = made(tmp_path / "a", columns)
     for width in (1, 3, 10, 100, 1000, 10_000):
-        found = store.query(7, START - 1, START + 1e6, width)
-        assert isinstance(found, MinMaxBuckets)
-        assert np.count_nonzero(found.low[1] & 0x0400) == 1
-        assert not (found.high[1] & 0x0400).any() or width == 10_000
-        assert (found.high[1] & 0x0003 == 0x0003).all()
+        result = store.query(7, START - 1, START + 1e6, width)
+        assert isinstance(result, MinMaxBuckets)
+        assert np.count_nonzero(result.low[1] & 0x0400) == 1
+        assert not (result.high[1] & 0x0400).any() or width == 10_000
+        assert (result.high[1] & 0x0003 == 0x0003).all()
 
 
 def test_wide_queries_read_little(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,10 +147,10 @@ def test_a_sample_without_a_clock_is_found_by_its_arrival_and_late_ones_are_not_
     columns[1][1000:2000] = np.nan
     columns[1][3000] -= 0.3  # a fix that is older than its neighbours
     store = made(tmp_path / "a", columns)
-    found = store.query(7, START - 10, START + 1e6)
-    assert isinstance(found, ExactRows)
-    np.testing.assert_array_equal(found.time, columns[1])
-    np.testing.assert_array_equal(found.arrival, columns[0])
+    result = store.query(7, START - 10, START + 1e6)
+    assert isinstance(result, ExactRows)
+    np.testing.assert_array_equal(result.time, columns[1])
+    np.testing.assert_array_equal(result.arrival, columns[0])
     row = store.row_at(7, columns[0][1500])
     assert columns[0][row] <= columns[0][1500] < columns[0][row + 2]
 
@@ -158,10 +158,10 @@ def test_a_sample_without_a_clock_is_found_by_its_arrival_and_late_ones_are_not_
 def test_chosen_columns_alone_are_given(tmp_path: Path) -> None:
     columns = rows(3000)
     store = made(tmp_path / "a", columns)
-    found = store.query(7, START - 1, START + 1e6, columns=[2])
-    assert isinstance(found, ExactRows)
-    assert len(found.columns) == 1
-    np.testing.assert_array_equal(found.columns[0], columns[4])
+    result = store.query(7, START - 1, START + 1e6, columns=[2])
+    assert isinstance(result, ExactRows)
+    assert len(result.columns) == 1
+    np.testing.assert_array_equal(result.columns[0], columns[4])
 
 
 def test_an_empty_channel_and_an_empty_stretch_are_empty(tmp_path: Path) -> None:
@@ -199,12 +199,12 @@ def test_a_thinned_range_contains_original_rows(tmp_path: Path) -> None:
     columns = rows(50_000)
     store = made(tmp_path / "a", columns)
     key = key_of(columns)
-    found = store.thinned(7, key[100], key[40_000], 300)
-    assert 250 <= len(found) <= 300
+    results = store.thinned(7, key[100], key[40_000], 300)
+    assert 250 <= len(results) <= 300
     inside = columns[4][(key >= key[100]) & (key <= key[40_000])]
-    assert np.isin(found.columns[2], inside).all()
-    assert found.columns[2][-1] == inside[-1]
-    assert (np.diff(np.searchsorted(columns[0], found.arrival)) > 0).all()
+    assert np.isin(results.columns[2], inside).all()
+    assert results.columns[2][-1] == inside[-1]
+    assert (np.diff(np.searchsorted(columns[0], results.arrival)) > 0).all()
     assert len(store.thinned(7, key[100], key[200], 300)) == 101
 
 
@@ -226,8 +226,8 @@ def test_an_unfinished_store_is_readable_and_the_result_is_the_same(tmp_path: Pa
     np.testing.assert_array_equal(early.exact(7, 0, 5).arrival, columns[0][:5])  # open readers still can read it
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
     whole = store.exact(7, 0, 20_000)
-    for got, wanted in zip((whole.arrival, *whole.columns), (columns[0], *columns[2:]), strict=True):
-        np.testing.assert_array_equal(got, wanted)
+    for got, expected in zip((whole.arrival, *whole.columns), (columns[0], *columns[2:]), strict=True):
+        np.testing.assert_array_equal(got, expected)
     plain = made(tmp_path / "b", columns)
     t0, t1 = store.span(7) or (0.0, 0.0)
     coarse, other = store.query(7, t0, t1, 20), plain.query(7, t0, t1, 20)

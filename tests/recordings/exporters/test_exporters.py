@@ -58,10 +58,10 @@ def test_csv_has_every_number_in_full(tmp_path: Path) -> None:
     head, rows = rows_of(made[0])
     names = ["Acceleration.x (m/s²)", "Acceleration.y (m/s²)", "Acceleration.z (m/s²)", "PacketCounter"]
     assert head == ["time (s)", "arrival (s)", *names, "Temperature (°C)"]
-    wanted = columns.exact(1, 0, 1000)
-    np.testing.assert_array_equal(numbers(rows, 0), wanted.time)
-    np.testing.assert_array_equal(numbers(rows, 1), wanted.arrival)
-    for at, column in enumerate(wanted.columns, start=2):
+    expected = columns.exact(1, 0, 1000)
+    np.testing.assert_array_equal(numbers(rows, 0), expected.time)
+    np.testing.assert_array_equal(numbers(rows, 1), expected.arrival)
+    for at, column in enumerate(expected.columns, start=2):
         np.testing.assert_array_equal(numbers(rows, at).astype(np.float32), column)
     assert rows[5][3] == "inf"
     assert rows[0][2] == "nan"  # measured, and no number; a cell where nothing was measured is empty
@@ -90,9 +90,9 @@ def test_parquet_has_types_units_and_nulls(tmp_path: Path) -> None:
     assert table.schema.metadata[b"recording"] == b"A drive"
     assert str(table.schema.field("Acceleration.x").type) == "float"
     assert table.column("Temperature").null_count == 900
-    wanted = columns.exact(1, 0, 1000)
-    np.testing.assert_array_equal(table.column("Acceleration.x").to_numpy(), wanted.columns[0])
-    np.testing.assert_array_equal(table.column("time").to_numpy(), wanted.time)
+    expected = columns.exact(1, 0, 1000)
+    np.testing.assert_array_equal(table.column("Acceleration.x").to_numpy(), expected.columns[0])
+    np.testing.assert_array_equal(table.column("time").to_numpy(), expected.time)
     assert table.column("Acceleration.x").null_count == 0
     assert pq.read_table(made[1]).num_rows == 30
 
@@ -100,41 +100,41 @@ def test_parquet_has_types_units_and_nulls(tmp_path: Path) -> None:
 def test_mcap_is_plain_objects_with_a_schema(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     (made,) = export("mcap", ExportRequest(columns), tmp_path / "run.mcap")
-    found: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+    results: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     with made.open("rb") as file:
         reader = make_reader(file)
         for schema, channel, message in reader.iter_messages():
             assert schema is not None
             assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
             body = json.loads(message.data)
-            found.setdefault(channel.topic, []).append((message.log_time, body))
+            results.setdefault(channel.topic, []).append((message.log_time, body))
             assert message.publish_time <= message.log_time  # others take it amiss: it cannot come before it is sent
         summary = reader.get_summary()
     assert summary is not None
     assert {index.compression for index in summary.chunk_indexes} == {"zstd"}
     names = ("Acceleration", "PacketCounter", "Temperature", "GnssSatInfo")
     arrivals = {f"/{name}/arrival" for name in ("MTi-630/MTData2", "IMX-5/DID_INS_1")}
-    assert found.keys() == {*(f"/MTi-630/{name}" for name in names), "/IMX-5/DID_INS_1", *arrivals}
-    wanted = columns.exact(1, 0, 1000)
-    assert len(found["/MTi-630/Acceleration"]) == 1000
-    for row, (time, body) in enumerate(found["/MTi-630/Acceleration"]):
-        assert time == ns(wanted.time[row : row + 1])[0]
-        for axis, column in zip("xyz", wanted.columns, strict=True):
+    assert results.keys() == {*(f"/MTi-630/{name}" for name in names), "/IMX-5/DID_INS_1", *arrivals}
+    expected = columns.exact(1, 0, 1000)
+    assert len(results["/MTi-630/Acceleration"]) == 1000
+    for row, (time, body) in enumerate(results["/MTi-630/Acceleration"]):
+        assert time == ns(expected.time[row : row + 1])[0]
+        for axis, column in zip("xyz", expected.columns, strict=True):
             if np.isfinite(column[row]):
                 assert np.float32(body[f"{axis}_m_s2"]) == column[row]
             else:
                 assert f"{axis}_m_s2" not in body
-    assert [body["value"] for _, body in found["/MTi-630/PacketCounter"]] == list(range(1000))
-    assert [body["arrival_s"] for _, body in found["/MTi-630/MTData2/arrival"]] == wanted.arrival.tolist()
-    assert len(found["/MTi-630/Temperature"]) == 100
-    sats = [[row["svid"] for row in body["rows"]] for _, body in found["/MTi-630/GnssSatInfo"]]
+    assert [body["value"] for _, body in results["/MTi-630/PacketCounter"]] == list(range(1000))
+    assert [body["arrival_s"] for _, body in results["/MTi-630/MTData2/arrival"]] == expected.arrival.tolist()
+    assert len(results["/MTi-630/Temperature"]) == 100
+    sats = [[row["svid"] for row in body["rows"]] for _, body in results["/MTi-630/GnssSatInfo"]]
     assert sats == np.arange(30).reshape(-1, 3).tolist()
-    assert [body["big"] for _, body in found["/IMX-5/DID_INS_1"]] == (np.arange(500) - 2**60).tolist()
+    assert [body["big"] for _, body in results["/IMX-5/DID_INS_1"]] == (np.arange(500) - 2**60).tolist()
     times = columns.exact(5, 0, 500).arrival
-    assert [time for time, _ in found["/IMX-5/DID_INS_1"]] == ns(times)
+    assert [time for time, _ in results["/IMX-5/DID_INS_1"]] == ns(times)
     schema = next(one for one in summary.schemas.values() if one.name == "Acceleration")
-    told = {"description": "[m/s²] About x.", "unit": "m/s²", "frame": "body"}
-    assert json.loads(schema.data)["properties"]["x_m_s2"] == {"type": "number", **told}
+    details = {"description": "[m/s²] About x.", "unit": "m/s²", "frame": "body"}
+    assert json.loads(schema.data)["properties"]["x_m_s2"] == {"type": "number", **details}
 
 
 def test_mcap_of_a_short_recording_is_not_one_chunk(tmp_path: Path) -> None:
@@ -143,8 +143,8 @@ def test_mcap_of_a_short_recording_is_not_one_chunk(tmp_path: Path) -> None:
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(made.read_bytes()[: made.stat().st_size * 3 // 4])
     with McapReader(torn) as recording:
-        kept = sum(block.table.shape[1] for block in recording.blocks())
-    assert kept > 1000
+        stored = sum(block.table.shape[1] for block in recording.blocks())
+    assert stored > 1000
 
 
 def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) -> None:
@@ -157,8 +157,8 @@ def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) ->
     writer.append(1, [t, t, np.arange(100, dtype=np.float32)])
     late = START + np.array([0.05, 1.05, 2.05, 8.05])
     writer.append(2, [late, late, np.array([1, 2, 3, 4], np.float32)])
-    told = {"channels": [fast, slow], "devices": [{"id": "1", "name": "MTi"}], "format": "mcap"}
-    columns = writer.finish(told)
+    details = {"channels": [fast, slow], "devices": [{"id": "1", "name": "MTi"}], "format": "mcap"}
+    columns = writer.finish(details)
     (made,) = export("csv-aligned", ExportRequest(columns), tmp_path / "run.csv")
     assert made.read_text().startswith(
         "# A line for each sample of Acceleration. Any other column holds its last value"
@@ -174,19 +174,19 @@ def test_segments_of_the_clock_are_numbered_where_there_are_several(tmp_path: Pa
     columns = store(tmp_path / "store", devices=1)
     begin = float(columns.exact(1, 600, 601).time[0])
     columns.manifest["segments"] = {"1": [begin]}
-    wanted = (columns.exact(1, 0, 1000).time >= begin).astype(int)
+    expected = (columns.exact(1, 0, 1000).time >= begin).astype(int)
     names = [*OF_COLUMNS, "csv-plotjuggler"]
     made = {name: export(name, ExportRequest(columns), tmp_path / f"run.{name}")[0] for name in names}
     for name in ("csv", "csv-plotjuggler"):
         head, rows = rows_of(made[name])
         assert head[2] == "segment"
         some = [row for row in rows if row[5]]
-        assert [int(row[2]) for row in some] == wanted.tolist()
-    np.testing.assert_array_equal(pq.read_table(made["parquet"]).column("segment").to_numpy(), wanted)
+        assert [int(row[2]) for row in some] == expected.tolist()
+    np.testing.assert_array_equal(pq.read_table(made["parquet"]).column("segment").to_numpy(), expected)
     assert f"A segment of its clock begins at {begin:.6f} s." in made["csv-aligned"].read_text().splitlines()[0]
     with made["mcap"].open("rb") as file:
-        told = make_reader(file).iter_messages(topics=["/MTi-630/MTData2/arrival"])
-        assert [json.loads(message.data)["segment"] for _, _, message in told] == wanted.tolist()
+        report = make_reader(file).iter_messages(topics=["/MTi-630/MTData2/arrival"])
+        assert [json.loads(message.data)["segment"] for _, _, message in report] == expected.tolist()
 
 
 def test_plotjuggler_finds_one_table_of_numbers_and_its_time(tmp_path: Path) -> None:
@@ -203,11 +203,11 @@ def test_plotjuggler_finds_one_table_of_numbers_and_its_time(tmp_path: Path) -> 
     assert all(cell == "" or math.isfinite(float(cell)) for row in rows for cell in row)
     times = numbers(rows, 0)
     assert (np.diff(times) >= 0).all()
-    wanted = columns.exact(1, 0, 1000)
+    expected = columns.exact(1, 0, 1000)
     of_first = np.array([row[4] != "" for row in rows])
-    np.testing.assert_array_equal(times[of_first], wanted.time)
-    np.testing.assert_array_equal(numbers(rows, 1)[of_first], wanted.arrival)
-    np.testing.assert_array_equal(numbers(rows, 4)[of_first].astype(np.float32), wanted.columns[2])
+    np.testing.assert_array_equal(times[of_first], expected.time)
+    np.testing.assert_array_equal(numbers(rows, 1)[of_first], expected.arrival)
+    np.testing.assert_array_equal(numbers(rows, 4)[of_first].astype(np.float32), expected.columns[2])
     big = head.index("/IMX-5/DID_INS_1/big")
     assert [int(row[big]) for row in rows if row[big]] == (np.arange(500) - 2**60).tolist()
     assert not any("svid" in name for name in head)  # a table
@@ -222,15 +222,15 @@ def test_the_stretch_is_exact_and_both_ends_belong_to_it(export_format: str, tmp
     wish = ExportRequest(columns, t0=float(times[100]), t1=float(times[200]), channels=(1,))
     (made,) = export(export_format, wish, tmp_path / f"run{FORMATS[export_format].suffix}")
     if export_format == "parquet":
-        found = pq.read_table(made).column("time").to_numpy()
+        result = pq.read_table(made).column("time").to_numpy()
     elif export_format == "mcap":
         with made.open("rb") as file:
-            told = make_reader(file).iter_messages(topics=["/MTi-630/Acceleration"])
-            found = np.array([message.log_time for _, _, message in told])
+            report = make_reader(file).iter_messages(topics=["/MTi-630/Acceleration"])
+            result = np.array([message.log_time for _, _, message in report])
         times = np.array(ns(times))
     else:
-        found = numbers(rows_of(made)[1], 0)
-    np.testing.assert_array_equal(found, times[100:201])
+        result = numbers(rows_of(made)[1], 0)
+    np.testing.assert_array_equal(result, times[100:201])
 
 
 @each_row("export_format", OF_COLUMNS)
@@ -321,8 +321,8 @@ def test_columns_with_the_same_name_get_unique_names(tmp_path: Path) -> None:
 def test_a_table_has_the_message_name_once(tmp_path: Path) -> None:
     """DID_GPS1_SAT.DID_GPS1_SAT.sat was the name of a file."""
     columns = store(tmp_path / "store")
-    told = columns.manifest["channels"]
-    told[3] = {**told[3], "message": "DID_GPS1_SAT", "name": "DID_GPS1_SAT.sat"}
+    report = columns.manifest["channels"]
+    report[3] = {**report[3], "message": "DID_GPS1_SAT", "name": "DID_GPS1_SAT.sat"}
     made = export("csv", ExportRequest(columns, channels=(4,), device="1"), tmp_path / "run.csv")
     assert [path.name for path in made] == ["run_MTi-630_DID_GPS1_SAT.sat.csv"]
     assert rows_of(made[0])[0] == ["time (s)", "arrival (s)", "sat.svid", "sat.cno (dBHz)"]

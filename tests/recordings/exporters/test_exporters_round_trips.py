@@ -158,7 +158,7 @@ def expected(export_format: str, request: ExportRequest, out: Path) -> Iterator[
             yield from ((("", plain(f"{topic}/{field}")), info, at) for at, field in enumerate(fields_of(info)))
 
 
-def found(export_format: str, columns: ColumnStore) -> Mapping[Key, SignalColumn]:
+def columns_of(export_format: str, columns: ColumnStore) -> Mapping[Key, SignalColumn]:
     """Message and name of each column that was read."""
     keys: dict[Key, SignalColumn] = {}
     for info in columns.manifest["channels"]:
@@ -190,30 +190,30 @@ def test_what_is_opened_again_is_the_same(
     source = store_of(opened[name])
     units, frames, arrivals = HELD[export_format][2], HELD[export_format][3], HELD[export_format][5]
     with opened_again(export_format, opened[name], tmp_path) as again:
-        keys = found(export_format, store_of(again))
+        keys = columns_of(export_format, store_of(again))
         count = 0
         for key, info, at in expected(
             export_format, ExportRequest(source), tmp_path / f"run{FORMATS[export_format].suffix}"
         ):
-            wanted = column(source, info, at)
+            target = column(source, info, at)
             finite = (
-                np.isfinite(wanted.values) if HELD[export_format][1] == "finite" else np.ones(len(wanted.values), bool)
+                np.isfinite(target.values) if HELD[export_format][1] == "finite" else np.ones(len(target.values), bool)
             )
             if not finite.any():
                 continue
             back = keys[key]
-            if export_format == "mcap" and wanted.unit == "rad/s":  # messages are shown in °/s
-                np.testing.assert_allclose(back.values, wanted.values / DEG, rtol=1e-15)
+            if export_format == "mcap" and target.unit == "rad/s":  # messages are shown in °/s
+                np.testing.assert_allclose(back.values, target.values / DEG, rtol=1e-15)
                 assert back.unit == "°/s"
                 continue
-            np.testing.assert_array_equal(back.values.astype(wanted.values.dtype), wanted.values[finite], str(key))
-            np.testing.assert_array_equal(back.time, wanted.time[finite], str(key))
+            np.testing.assert_array_equal(back.values.astype(target.values.dtype), target.values[finite], str(key))
+            np.testing.assert_array_equal(back.time, target.time[finite], str(key))
             if arrivals == "yes":
-                np.testing.assert_array_equal(back.arrival, wanted.arrival[finite], str(key))
+                np.testing.assert_array_equal(back.arrival, target.arrival[finite], str(key))
             if units.startswith("yes"):
-                assert back.unit == wanted.unit, key
+                assert back.unit == target.unit, key
             if frames != "no":
-                assert back.frames & (wanted.frames | ({""} if "body" in wanted.frames else set())), key
+                assert back.frames & (target.frames | ({""} if "body" in target.frames else set())), key
             count += 1
         assert count
         if HELD[export_format][7] in ("yes", "of one device"):
@@ -237,12 +237,12 @@ def test_what_a_message_of_ros_holds_is_the_same(
     with opened_again(export_format, source, tmp_path) as again:
         names = {one.name.removeprefix("/").partition("/")[2]: one for one in again.signals}
         for signal, (topic, scale) in ROS[name].items():
-            wanted, back = source[signal], names[topic]
-            np.testing.assert_array_equal(back.time, wanted.time)
-            np.testing.assert_array_equal(back.arrival, wanted.arrival)
-            assert back.units == wanted.units
-            tolerance = 1e-6 if wanted.kind == "quaternion" else 2e-15  # it has unit length afterwards
-            np.testing.assert_allclose(back.values, wanted.values * scale, rtol=tolerance, atol=tolerance)
+            target, back = source[signal], names[topic]
+            np.testing.assert_array_equal(back.time, target.time)
+            np.testing.assert_array_equal(back.arrival, target.arrival)
+            assert back.units == target.units
+            tolerance = 1e-6 if target.kind == "quaternion" else 2e-15  # it has unit length afterwards
+            np.testing.assert_allclose(back.values, target.values * scale, rtol=tolerance, atol=tolerance)
 
 
 @each_row("name", [name for name in SOURCES if name != "table" and "euroc" in FORMATS])
@@ -254,10 +254,10 @@ def test_a_euroc_folder_is_the_same_in_si_units(
         "messages": ("/imu/data.angular_velocity", "/imu/data.linear_acceleration"),
     }.get(name, ("RateOfTurn", "Acceleration"))
     with opened_again("euroc", opened[name], tmp_path) as again:
-        for own, wanted, scale in (("w_RS_S", turn, DEG), ("a_RS_S", acceleration, 1.0)):
+        for own, target, scale in (("w_RS_S", turn, DEG), ("a_RS_S", acceleration, 1.0)):
             back = again[own]
-            np.testing.assert_array_equal(back.values, opened[name][wanted].values.astype(np.float64) * scale)
-            np.testing.assert_array_equal(back.time, opened[name][wanted].time)
+            np.testing.assert_array_equal(back.values, opened[name][target].values.astype(np.float64) * scale)
+            np.testing.assert_array_equal(back.time, opened[name][target].time)
         assert again["w_RS_S"].units == ("rad/s",) * 3
 
 
@@ -303,11 +303,11 @@ def test_bytes_are_decoded_again(
     export_format, name = pair
     with opened_again(export_format, opened[name], tmp_path) as again:
         signals = {(one.message, one.name): one for one in again.signals}
-        for wanted in opened[name].signals:
-            back = signals[wanted.message, wanted.name]
-            assert (back.units, back.frame, back.columns) == (wanted.units, wanted.frame, wanted.columns)
-            for at in range(len(wanted.columns)):
-                np.testing.assert_array_equal(back.column(at), wanted.column(at))
+        for target in opened[name].signals:
+            back = signals[target.message, target.name]
+            assert (back.units, back.frame, back.columns) == (target.units, target.frame, target.columns)
+            for at in range(len(target.columns)):
+                np.testing.assert_array_equal(back.column(at), target.column(at))
 
 
 @each_row("export_format", ["csv", "parquet"])
@@ -320,7 +320,7 @@ def test_a_message_without_a_clock_has_its_arrival(export_format: str, tmp_path:
         np.testing.assert_array_equal(again["insStatus"].time, rows.arrival)
 
 
-def test_the_guide_says_which_format_holds_what() -> None:
+def test_the_guide_states_which_format_holds_what() -> None:
     ours = set(FORMATS) - NOT_OPENED
     assert ours <= set(HELD)
     titles = {name: FORMATS[name].title if name in FORMATS else "" for name in HELD}

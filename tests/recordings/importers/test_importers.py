@@ -32,12 +32,12 @@ needs_captures = pytest.mark.skipif(not CAPTURES.exists(), reason="the device ca
 def lines_of(source: Source) -> list[dict[str, Any]]:
     """Every ISB packet of a file as plain values, in order."""
     listing = PROTOCOLS["isb"].frames.listing()
-    found: list[dict[str, Any]] = []
+    results: list[dict[str, Any]] = []
     for part in source.parts():
         listing.feed(part.data)
-        found += listing.drain()
-    found += listing.drain(stalled=True)
-    return [line for line in found if line.get("protocol") == "isb"]
+        results += listing.drain()
+    results += listing.drain(stalled=True)
+    return [line for line in results if line.get("protocol") == "isb"]
 
 
 @functools.cache
@@ -54,10 +54,10 @@ def listed(name: str) -> list[dict[str, Any]]:
 @each_row("suffix", ["raw", "dat"])
 def test_the_vendors_logs_have_their_listed_values(suffix: str) -> None:
     source = open_file(LOGS / f"{NAME}.{suffix}")
-    wanted = [line for line in listed(f"{suffix}.values.jsonl") if "did" in line]
-    found = lines_of_log(suffix)
-    assert len(found) == len(wanted) > 1000
-    for got, line in zip(found, wanted, strict=True):
+    expected = [line for line in listed(f"{suffix}.values.jsonl") if "did" in line]
+    results = lines_of_log(suffix)
+    assert len(results) == len(expected) > 1000
+    for got, line in zip(results, expected, strict=True):
         assert got["id"] == line["did"]
         have, want = leaves(got["fields"]), leaves(line["fields"])
         for name in want.keys() & have.keys():

@@ -331,10 +331,10 @@ def test_a_receiver_that_is_set_back_was_right_before(tmp_path: Path) -> None:
     np.testing.assert_allclose(time, 1_767_263_400 + np.arange(20), atol=1e-6)
 
 
-def test_the_clock_of_a_capture_and_its_date_are_said(tmp_path: Path) -> None:
+def test_the_clock_of_a_capture_and_its_date_are_reported(tmp_path: Path) -> None:
     store = opened(field_file("c32_idtp_wrap.bin"), tmp_path)
-    said = ["The time axis is the clock of the device.", "Its date is that of the file's last change."]
-    assert time_sentences(store) == store.manifest["time"]["sentences"] == said
+    texts = ["The time axis is the clock of the device.", "Its date is that of the file's last change."]
+    assert time_sentences(store) == store.manifest["time"]["sentences"] == texts
 
 
 @each_row("name", ["gnss.nmea", "gnss.txt", "gnss.csv"])

@@ -53,19 +53,19 @@ def test_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
     assert ids(ReadLibrary(tmp_path / "none")) == []
 
 
-def test_an_unchanged_file_is_not_looked_into_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unchanged_file_is_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = recording(tmp_path / "a.mcap")
     library = ReadLibrary(tmp_path)
     library.all()
     from tests.support import read_library as module
 
-    looked: list[Path] = []
-    monkeypatch.setattr(module, "probe", lambda path: looked.append(path))
+    visited: list[Path] = []
+    monkeypatch.setattr(module, "probe", lambda path: visited.append(path))
     library.all()
-    assert looked == []
+    assert visited == []
     os.utime(path, (1, 1))
     library.all()
-    assert looked == [path]
+    assert visited == [path]
 
 
 def test_torn_and_damaged_files_are_listed_with_a_sentence(tmp_path: Path) -> None:
@@ -74,10 +74,10 @@ def test_torn_and_damaged_files_are_listed_with_a_sentence(tmp_path: Path) -> No
     (tmp_path / "stub.mcap").write_bytes(whole[:9])
     (tmp_path / "noise.mtb").write_bytes(b"")
     (tmp_path / "noise.bin").write_bytes(b"\x55" * 5000)
-    found = {entry.id: entry.probe.damaged for entry in ReadLibrary(tmp_path).all()}
-    assert not found.pop("whole")
-    assert found.keys() == {"torn", "stub", "noise", "noise.bin"}
-    assert all(words.endswith(".") for words in found.values())
+    results = {entry.id: entry.probe.damaged for entry in ReadLibrary(tmp_path).all()}
+    assert not results.pop("whole")
+    assert results.keys() == {"torn", "stub", "noise", "noise.bin"}
+    assert all(words.endswith(".") for words in results.values())
 
 
 def test_user_changes_are_stored_beside_the_file(tmp_path: Path) -> None:

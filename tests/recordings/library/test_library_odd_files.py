@@ -47,19 +47,19 @@ def odd(tmp_path: Path) -> Path:
 def test_things_that_are_no_files_are_listed_with_the_reason(odd: Path) -> None:
     """A server waited for a writer of the pipe, and never started."""
     library = ReadLibrary(odd)
-    found = {entry.id: entry.probe.damaged for entry in library.all()}
-    assert found.pop("fine").startswith("fine.mcap.json is damaged")
-    assert set(found) == {
+    results = {entry.id: entry.probe.damaged for entry in library.all()}
+    assert results.pop("fine").startswith("fine.mcap.json is damaged")
+    assert set(results) == {
         *("pipe", "pipe.bin", "socket", "device", "circle", "gone", "folder"),
         *(UNKNOWN, f"{UNKNOWN}.mcap"),  # the second, as of any two files of one stem
     }
-    assert all(why.endswith(".") for why in found.values())
-    assert "a pipe or a device" in found["pipe"]
-    assert "not UTF-8" in found[UNKNOWN]
+    assert all(why.endswith(".") for why in results.values())
+    assert "a pipe or a device" in results["pipe"]
+    assert "not UTF-8" in results[UNKNOWN]
     assert uncompacted(odd) == [odd / "fine.mcap"]
     assert library.edit("fine", Edits(title="Mine")).title == "Mine"
     quota.cull(odd, 1, is_pinned)
-    for name in found:
+    for name in results:
         with pytest.raises(RecordingError):
             open_file(library.path(name))
 
@@ -90,7 +90,7 @@ OPENS_ITS_OWN = {
 def test_recordings_are_opened_in_one_place() -> None:
     """`path.open("rb")` waits for ever for a pipe."""
     opening = {"open", "read_bytes", "read_text"}
-    found = [
+    results = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in python_files("recordings")
         if str(path.relative_to(ROOT)) not in OPENS_ITS_OWN
@@ -101,4 +101,4 @@ def test_recordings_are_opened_in_one_place() -> None:
         and not {"w", "x"} & set("".join(str(one.value) for one in node.args if isinstance(one, ast.Constant)))
         and ast.unparse(node.func) not in ("os.open", "pa.csv.open_csv")
     ]
-    assert not found, f"use recordings/system/regular_file.py: {found}"
+    assert not results, f"use recordings/system/regular_file.py: {results}"

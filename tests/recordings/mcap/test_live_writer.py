@@ -32,29 +32,29 @@ def named(folder: Path) -> Callable[[int], Path]:
 
 
 def put(tape: RecordingWriter, n: int, size: int = 50, start: int = 0) -> list[Message]:
-    wanted = []
+    expected = []
     for i in range(start, start + n):
         data = i.to_bytes(4, "big") * (size // 4)
         way = "tx" if i % 10 == 9 else "rx"
         tape.chunk("1", way, data, i + 1)  # type: ignore[arg-type]
-        wanted.append((f"{way}/1", i + 1, data))
-    return wanted
+        expected.append((f"{way}/1", i + 1, data))
+    return expected
 
 
 def test_all_data_are_in_the_file_in_order(tmp_path: Path) -> None:
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     tape.device("1", {"protocol": "xbus"})
-    wanted = put(tape, 5000)
+    expected = put(tape, 5000)
     tape.note("marker", "bump", 7, "1")
     tape.event({"kind": "link", "text": "gone"}, 8)
     tape.snapshot("1", {"values": {"Baudrate": {"rate": 2}}}, 9)
-    wanted += put(tape, 100, start=5000)
+    expected += put(tape, 100, start=5000)
     tape.stop()
     assert tape.error is None
     assert tape.behind_s == 0.0
     path = tmp_path / "drive-1.mcap"
     chunks = [message for message in read(path) if message[0][:2] in ("rx", "tx")]
-    assert chunks == wanted
+    assert chunks == expected
     assert theirs(path) == read(path)
     with McapReader(path) as recording:
         assert recording.meta("device/1") == {"protocol": "xbus"}
@@ -66,8 +66,8 @@ def test_all_data_are_in_the_file_in_order(tmp_path: Path) -> None:
 def test_queued_data_is_written_without_a_request(tmp_path: Path) -> None:
     """A process that is killed loses what is not in the file yet."""
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
-    wanted = put(tape, 100)
-    block_until(lambda: read(tmp_path / "drive-1.mcap") == wanted, "it is in the file")
+    expected = put(tape, 100)
+    block_until(lambda: read(tmp_path / "drive-1.mcap") == expected, "it is in the file")
     tape.stop()
     assert GATHER_S <= TURN_S <= 0.016  # of the allowed loss
 
@@ -77,15 +77,15 @@ def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns, Limits(split_bytes=20_000), ended.append)
     tape.device("1", {"protocol": "xbus"})
     tape.device("1", {"product": "MTi-630"})
-    wanted: list[Message] = []
+    expected: list[Message] = []
     for start in range(0, 2000, 100):
-        wanted += put(tape, 100, start=start)
+        expected += put(tape, 100, start=start)
         block_until(lambda: tape.behind_s == 0.0, "it is written")
     tape.stop()
     paths = sorted(tmp_path.iterdir(), key=lambda path: int(path.stem.split("-")[1]))
     assert len(paths) > 3
     assert ended == paths
-    assert [message for path in paths for message in read(path)] == wanted
+    assert [message for path in paths for message in read(path)] == expected
     for n, path in enumerate(paths):
         with McapReader(path) as recording:
             list(recording.blocks())
@@ -119,14 +119,14 @@ def test_a_device_that_is_gone_is_not_in_all_later_parts(tmp_path: Path) -> None
 def test_a_part_ends_when_it_is_old_enough(tmp_path: Path) -> None:
     clock = count(0, 1_000_000_000)  # every look at it is a second later
     tape = RecordingWriter(named(tmp_path), ABOUT, lambda: next(clock), Limits(split_s=30))
-    wanted = []
+    expected = []
     for start in range(0, 400, 10):
-        wanted += put(tape, 10, start=start)
+        expected += put(tape, 10, start=start)
         block_until(lambda: not tape._queue, "it is written")
     tape.stop()
     paths = sorted(tmp_path.iterdir(), key=lambda path: int(path.stem.split("-")[1]))
     assert len(paths) >= 2
-    assert [message for path in paths for message in read(path)] == wanted
+    assert [message for path in paths for message in read(path)] == expected
 
 
 def test_a_full_disk_ends_the_recording_and_keeps_written_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,24 +135,24 @@ def test_a_full_disk_ends_the_recording_and_keeps_written_data(tmp_path: Path, m
     def write(fd: int, data: memoryview) -> int:
         if not room[0]:
             raise OSError(28, "No space left on device")
-        taken = min(room[0], len(data))
-        room[0] -= taken
-        return int(real(fd, data[:taken]))
+        batch = min(room[0], len(data))
+        room[0] -= batch
+        return int(real(fd, data[:batch]))
 
     real = os.write
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     monkeypatch.setattr(os, "write", write)
-    wanted = put(tape, 500)
+    expected = put(tape, 500)
     block_until(lambda: not tape.running, "it has ended")
     monkeypatch.undo()
     tape.stop()
     assert tape.error is not None
     assert "disk is full" in tape.error.message
     assert "kept" in tape.error.hint
-    found = read(tmp_path / "drive-1.mcap")
-    assert 0 < len(found) < 500
-    assert found == wanted[: len(found)]
-    room_for_one_more = 3000 - sum(len(data) + 31 for _, _, data in found)
+    path = read(tmp_path / "drive-1.mcap")
+    assert 0 < len(path) < 500
+    assert path == expected[: len(path)]
+    room_for_one_more = 3000 - sum(len(data) + 31 for _, _, data in path)
     assert room_for_one_more < 31 + 50 + 200  # records that fitted are there; the channels' own records are the rest
 
 
@@ -160,19 +160,19 @@ def test_a_removed_folder_ends_the_recording_and_its_data_are_restored(tmp_path:
     folder = tmp_path / "recordings"
     folder.mkdir()
     tape = RecordingWriter(named(folder), ABOUT, time.time_ns)
-    wanted = put(tape, 100)
+    expected = put(tape, 100)
     block_until(lambda: tape.behind_s == 0.0, "it is written")
     shutil.rmtree(folder)
     block_until(lambda: not tape.running, "it has noticed")
     tape.stop()
     assert tape.error is not None
     assert "removed" in tape.error.message
-    assert read(folder / "drive-1.mcap")[: len(wanted)] == wanted
+    assert read(folder / "drive-1.mcap")[: len(expected)] == expected
 
 
 def test_a_name_that_another_file_has_taken_loses_nothing(tmp_path: Path) -> None:
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
-    wanted = put(tape, 100)
+    expected = put(tape, 100)
     block_until(lambda: tape.behind_s == 0.0, "it is written")
     other = tmp_path / "other"
     other.write_bytes(b"somebody else's")
@@ -182,24 +182,24 @@ def test_a_name_that_another_file_has_taken_loses_nothing(tmp_path: Path) -> Non
     assert tape.error is not None
     assert "drive-1-2.mcap" in tape.error.hint
     assert (tmp_path / "drive-1.mcap").read_bytes() == b"somebody else's"
-    assert read(tmp_path / "drive-1-2.mcap")[: len(wanted)] == wanted
+    assert read(tmp_path / "drive-1-2.mcap")[: len(expected)] == expected
 
 
 def test_a_file_that_another_program_shortens_costs_only_what_it_cut(tmp_path: Path) -> None:
     notices: list[str] = []
     parts: list[Path] = []
     tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns, on_part=parts.append, on_notice=notices.append)
-    wanted = put(tape, 2000)
+    expected = put(tape, 2000)
     block_until(lambda: tape.behind_s == 0.0, "it is written")
     os.truncate(tmp_path / "drive-1.mcap", 50_000)
-    wanted += put(tape, 2000, start=2000)
+    expected += put(tape, 2000, start=2000)
     block_until(lambda: notices, "it has noticed")
-    wanted += put(tape, 2000, start=4000)
+    expected += put(tape, 2000, start=4000)
     tape.stop()
     assert tape.error is None
     assert parts == [tmp_path / "drive-1.mcap", tmp_path / "drive-2.mcap"]
     first, second = read(parts[0]), read(parts[1])
-    assert (first + second)[-3990:] == wanted[-3990:], "the record that was cut through swallows what it still claims"
+    assert (first + second)[-3990:] == expected[-3990:], "the record that was cut through swallows what it still claims"
     assert len(first + second) > 3990 + 50_000 // 100
     with pytest.raises(RecordingError, match="stays as it is"):
         compact(parts[0])
@@ -226,9 +226,9 @@ def test_a_slow_disk_delays_no_caller_and_is_reported(tmp_path: Path, monkeypatc
     slow = McapWriter.runs
     goes_on = threading.Event()
 
-    def chunks(self: McapWriter, found: list[tuple[str, str, bytes, int]]) -> None:
+    def chunks(self: McapWriter, result: list[tuple[str, str, bytes, int]]) -> None:
         goes_on.wait(PATIENCE_S)
-        slow(self, found)  # type: ignore[arg-type]
+        slow(self, result)  # type: ignore[arg-type]
 
     monkeypatch.setattr(McapWriter, "runs", chunks)
     now = time.time_ns()
@@ -270,17 +270,17 @@ def test_a_recording_is_not_forced_to_disk_before_its_time(
     folder = tmp_path / f"{sync_s:g}"
     folder.mkdir()
     tape = RecordingWriter(named(folder), ABOUT, time.time_ns, Limits(split_bytes=30_000), sync_s=sync_s)
-    wanted = put(tape, 10)
+    expected = put(tape, 10)
     block_until(lambda: counter.checks >= 5, "the file is looked at")
     assert counter.syncs == 0
-    wanted += put(tape, 1000, start=10)
+    expected += put(tape, 1000, start=10)
     tape.device("1", {"protocol": "xbus"})  # a part ends between two writes
-    wanted += put(tape, 1000, start=1010)
+    expected += put(tape, 1000, start=1010)
     tape.stop()
     parts = sorted(folder.iterdir())
     assert len(parts) > 1
     assert counter.syncs == len(parts)
-    assert sorted((one for path in parts for one in read(path)), key=lambda one: one[1]) == wanted
+    assert sorted((one for path in parts for one in read(path)), key=lambda one: one[1]) == expected
 
 
 def test_a_recording_is_forced_to_disk_once_in_the_time_that_was_set(

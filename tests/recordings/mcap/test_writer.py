@@ -55,18 +55,18 @@ def written(path: Path, chunks: int = 300, size: int = 40) -> list[Message]:
 
 def test_written_data_is_read_by_us_and_by_the_standard_reader(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    wanted = written(path)
-    assert read(path) == wanted
-    assert theirs(path) == wanted
+    expected = written(path)
+    assert read(path) == expected
+    assert theirs(path) == expected
 
 
 def test_a_packed_recording_is_the_same_messages_in_order(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    wanted = written(path, chunks=6000, size=1000)  # several chunks of a megabyte
+    expected = written(path, chunks=6000, size=1000)  # several chunks of a megabyte
     before = path.stat()
     compact(path, edit={"title": "Another drive"})
-    assert read(path) == wanted
-    assert theirs(path) == wanted
+    assert read(path) == expected
+    assert theirs(path) == expected
     with McapReader(path) as recording:
         assert len(recording.chunks) >= 3
         assert not recording.damage
@@ -79,39 +79,39 @@ def test_a_packed_recording_is_the_same_messages_in_order(tmp_path: Path) -> Non
 
 def test_the_summary_of_a_packed_recording_is_right_for_the_standard_reader(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    wanted = written(path, chunks=6000, size=1000)
+    expected = written(path, chunks=6000, size=1000)
     compact(path)
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
         assert summary is not None
         assert summary.statistics is not None
-        assert summary.statistics.message_count == len(wanted)
+        assert summary.statistics.message_count == len(expected)
         assert {record.name for record in reader.iter_metadata()} == {"recording", "device/1"}
-        middle = wanted[len(wanted) // 2][1]
+        middle = expected[len(expected) // 2][1]
         later = list(reader.iter_messages(topics=["rx/1"], starting_at=middle))
     assert [message.data for *_, message in later] == [
-        data for name, time, data in wanted if name == "rx/1" and time >= middle
+        data for name, time, data in expected if name == "rx/1" and time >= middle
     ]
 
 
 def test_a_short_recording_that_is_cut_keeps_what_stands_before(tmp_path: Path) -> None:
     """It was mostly one chunk: cut at three quarters, 9 messages of 1,618 were left."""
     path = tmp_path / "a.mcap"
-    kept = written(path, chunks=1600, size=200)
+    stored = written(path, chunks=1600, size=200)
     compact(path)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 3 // 4])
     left = read(path)
-    assert left == kept[: len(left)]
-    assert len(left) > len(kept) * 2 // 3
+    assert left == stored[: len(left)]
+    assert len(left) > len(stored) * 2 // 3
 
 
 def test_blocks_outside_a_span_are_not_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    wanted = written(path, chunks=6000, size=1000)
+    expected = written(path, chunks=6000, size=1000)
     compact(path)
-    last = wanted[-2][1]
+    last = expected[-2][1]
     with McapReader(path) as recording:
         blocks = list(recording.blocks(last - 1_000_000, last))
         assert 1 <= len(blocks) < len(recording.chunks)
@@ -123,19 +123,19 @@ def test_a_recording_cut_at_any_byte_yields_a_prefix_and_reports_it(
     tmp_path_factory: pytest.TempPathFactory, cut: float, packing: bool
 ) -> None:
     path = tmp_path_factory.mktemp("cut") / "a.mcap"
-    wanted = written(path)
+    expected = written(path)
     if packing:
         compact(path)
     size = path.stat().st_size
     keep = 8 + int(cut * (size - 8))
     os.truncate(path, keep)
     with McapReader(path) as recording:
-        found = messages(recording)
-        assert found == wanted[: len(found)]
+        results = messages(recording)
+        assert results == expected[: len(results)]
         assert keep == size or not recording.whole
         if not packing:
-            assert len(found) >= len(wanted) * (keep / size) * 0.8 - 12  # the summary is the rest of the file
-            assert len(found) == len(wanted) or recording.damage or not recording.whole
+            assert len(results) >= len(expected) * (keep / size) * 0.8 - 12  # the summary is the rest of the file
+            assert len(results) == len(expected) or recording.damage or not recording.whole
 
 
 @given(st.data())
@@ -155,7 +155,7 @@ def test_flipped_bytes_never_raise(tmp_path_factory: pytest.TempPathFactory, dat
 
 def test_a_damaged_chunk_is_reported_and_the_others_are_read(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    wanted = written(path, chunks=6000, size=1000)
+    expected = written(path, chunks=6000, size=1000)
     compact(path)
     with McapReader(path) as recording:
         second = recording.chunks[1]
@@ -163,64 +163,66 @@ def test_a_damaged_chunk_is_reported_and_the_others_are_read(tmp_path: Path) -> 
     raw[second.chunk_start_offset + second.chunk_length // 2] ^= 0xFF
     path.write_bytes(raw)
     with McapReader(path) as recording:
-        found = messages(recording)
+        results = messages(recording)
         assert len(recording.damage) == 1
         assert "chunk" in recording.damage[0].words
-    assert found[0] == wanted[0]
-    assert found[-1] == wanted[-1]
-    assert 0 < len(wanted) - len(found) < len(wanted)
+    assert results[0] == expected[0]
+    assert results[-1] == expected[-1]
+    assert 0 < len(expected) - len(results) < len(expected)
 
 
 def damaged(path: Path, at: int, size: int) -> list[Message]:
     """A recording of which these bytes are garbage; what it held."""
-    wanted = written(path, chunks=4000, size=200)
+    expected = written(path, chunks=4000, size=200)
     raw = bytearray(path.read_bytes())
     raw[at : at + size] = np.random.default_rng(2).integers(0, 256, size, np.uint8).tobytes()
     path.write_bytes(raw)
-    return wanted
+    return expected
 
 
 def test_packing_keeps_a_recording_with_good_data_behind_damage(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    wanted = damaged(path, 1000, 20_000)
+    expected = damaged(path, 1000, 20_000)
     before = path.read_bytes()
     with pytest.raises(RecordingError, match="damaged and stays"):
         compact(path)
     assert path.read_bytes() == before
     with McapReader(path) as recording:
-        found = messages(recording)
+        results = messages(recording)
         assert any("left out" in damage.words for damage in recording.damage)
-    assert len([one for one in found if one not in wanted]) <= 2, "but for the ends of the damage, nothing is made up"
-    assert found[-1] == wanted[-1]
-    assert len(wanted) - len(found) < 20_000 // 100 + 20, "all that stands behind the damage is read"
+    assert len([one for one in results if one not in expected]) <= 2, (
+        "but for the ends of the damage, nothing is made up"
+    )
+    assert results[-1] == expected[-1]
+    assert len(expected) - len(results) < 20_000 // 100 + 20, "all that stands behind the damage is read"
 
 
 @each_row("opcode", [2, 15])  # of the footer, of the end of the data
 def test_garbage_that_resembles_the_footer_hides_no_data(tmp_path: Path, opcode: int) -> None:
     path = tmp_path / "a.mcap"
-    wanted = written(path, chunks=500)
+    expected = written(path, chunks=500)
     raw = path.read_bytes()
-    at = raw.index(wanted[100][2]) - 31
+    at = raw.index(expected[100][2]) - 31
     path.write_bytes(raw[:at] + bytes([opcode]) + raw[at + 1 :])
     with McapReader(path) as recording:
-        assert messages(recording) == wanted[:100] + wanted[101:]
+        assert messages(recording) == expected[:100] + expected[101:]
         assert len(recording.damage) == 1
 
 
 def test_a_recording_that_ends_in_zeros_is_torn_and_packed(tmp_path: Path) -> None:
     """As a power cut leaves it on some file systems."""
     path = tmp_path / "a.mcap"
-    wanted = written(path, chunks=500)
+    expected = written(path, chunks=500)
     raw = path.read_bytes()
-    at = raw.index(wanted[300][2]) - 31
+    at = raw.index(expected[300][2]) - 31
     path.write_bytes(raw[:at] + bytes(100_000))
     compact(path)
-    assert read(path) == wanted[:300]
+    assert read(path) == expected[:300]
 
 
 def test_packing_compares_before_it_replaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.mcap"
-    wanted = written(path, chunks=500)
+    expected = written(path, chunks=500)
 
     def less(source: McapReader, out: BinaryIO, **options: Any) -> None:
         shorter = tmp_path / "shorter.mcap"
@@ -234,19 +236,19 @@ def test_packing_compares_before_it_replaces(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(packing, "write_compacted", less)
     with pytest.raises(RecordingError, match="does not hold the same"):
         compact(path)
-    assert read(path) == wanted
+    assert read(path) == expected
 
 
-def test_a_recording_that_says_it_held_more_is_not_packed(tmp_path: Path) -> None:
+def test_a_recording_that_claims_to_hold_more_is_not_packed(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    wanted = written(path, chunks=500)
+    expected = written(path, chunks=500)
     raw = path.read_bytes()
-    at = raw.index(wanted[200][2]) - 31
-    size = 31 + len(wanted[200][2])
+    at = raw.index(expected[200][2]) - 31
+    size = 31 + len(expected[200][2])
     path.write_bytes(raw[:at] + bytes([0x80]) + raw[at + 1 : at + size] + raw[at + size :])  # an unknown kind
     with pytest.raises(RecordingError, match="stays as it is"):
         compact(path)
-    assert len(read(path)) == len(wanted) - 1
+    assert len(read(path)) == len(expected) - 1
 
 
 CHILD = """
@@ -266,24 +268,24 @@ def test_kill_9_loses_nothing_that_was_handed_over(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
-    told = 0
-    while told < 500:
-        told = int(child.stdout.readline())
+    report = 0
+    while report < 500:
+        report = int(child.stdout.readline())
     child.send_signal(signal.SIGKILL)
     rest = child.stdout.read().splitlines()
     child.wait()
     child.stdout.close()
-    told = max([told, *(int(line) for line in rest if line.isdigit())][:-1] or [told])
+    report = max([report, *(int(line) for line in rest if line.isdigit())][:-1] or [report])
     with McapReader(path) as recording:
-        found = messages(recording)
-    assert len(found) >= told
-    assert [int.from_bytes(data[:4], "little") for _, _, data in found] == list(range(len(found)))
+        results = messages(recording)
+    assert len(results) >= report
+    assert [int.from_bytes(data[:4], "little") for _, _, data in results] == list(range(len(results)))
     with path.open("rb") as file:  # and the standard reader that does not look for an end agrees up to the tear
         count = 0
         with contextlib.suppress(McapError):  # it reports that the end is missing
             for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
                 count += 1
-        assert count == len(found)
+        assert count == len(results)
 
 
 def test_a_full_disk_is_one_sentence_and_what_is_written_stays(tmp_path: Path) -> None:

@@ -128,9 +128,9 @@ def test_protobuf_that_describes_itself_is_read_zeros_too(tmp_path: Path) -> Non
         number = writer.register_schema("own.Motion", "protobuf", schema)
         channel = writer.register_channel("/motion", "protobuf", number)
         for n in range(20):
-            told = motion(turn={"x": float(n)}, noise=[1.0, 2.0], picture=b"abc")
-            told.timestamp.FromNanoseconds(NS + n * 10**7 - 10**6)
-            writer.add_message(channel, NS + n * 10**7, told.SerializeToString(), 0)
+            report = motion(turn={"x": float(n)}, noise=[1.0, 2.0], picture=b"abc")
+            report.timestamp.FromNanoseconds(NS + n * 10**7 - 10**6)
+            writer.add_message(channel, NS + n * 10**7, report.SerializeToString(), 0)
         writer.finish()
     (batch,) = batch_of(path)
     assert batch.columns.keys() == {"turn", "noise"}
@@ -155,8 +155,8 @@ def test_malformed_schemas_and_messages_give_no_numbers(
 def test_malformed_messages_of_a_known_kind_are_harmless(message: bytes) -> None:
     read = reader_of(MessageChannel(1, "/imu", "cdr", "sensor_msgs/msg/Imu", "ros2msg", IMU.encode()))
     assert read is not None
-    found, refused = read([b"\x00\x01\x00\x00" + message])
-    assert (found, len(refused)) == ([], 1)  # shorter than the shortest of its kind
+    result, refused = read([b"\x00\x01\x00\x00" + message])
+    assert (result, len(refused)) == ([], 1)  # shorter than the shortest of its kind
 
 
 def test_an_array_of_empty_elements_takes_no_time() -> None:
@@ -164,9 +164,9 @@ def test_an_array_of_empty_elements_takes_no_time() -> None:
     text = b"a/Empty[] many\nuint8 last\n====\nMSG: a/Empty\n# nothing\n"
     read = reader_of(MessageChannel(1, "/odd", "cdr", "a/msg/B", "ros2msg", text))
     assert read is not None
-    found, refused = read([bytes([0, 1, 0, 0]) + b"\xff" * 4 + b"\x07"])
+    results, refused = read([bytes([0, 1, 0, 0]) + b"\xff" * 4 + b"\x07"])
     assert not refused
-    assert found[0].columns["last"].tolist() == [7]
+    assert results[0].columns["last"].tolist() == [7]
 
 
 def test_unreadable_messages_are_reported(tmp_path: Path) -> None:

@@ -25,10 +25,10 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
-def page_faults(kept: str) -> int:
+def page_faults(stored: str) -> int:
     """Page faults of a process that makes and frees 6.4 MB of arrays for each chunk."""
     done = subprocess.run(
-        [sys.executable, "-c", ARRAYS, kept], capture_output=True, text=True, timeout=PATIENCE_S, check=True
+        [sys.executable, "-c", ARRAYS, stored], capture_output=True, text=True, timeout=PATIENCE_S, check=True
     )
     return int(done.stdout)
 

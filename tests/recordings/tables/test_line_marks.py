@@ -63,7 +63,7 @@ def test_stamps_of_a_serial_monitor_are_times_of_day(head: str, row: str, names:
     assert store.manifest["damage"] == []
 
 
-def test_a_mark_at_the_end_of_rows_is_left_out_and_the_time_is_asked_for(tmp_path: Path) -> None:
+def test_a_mark_at_the_end_of_rows_is_left_out_and_the_time_is_requested(tmp_path: Path) -> None:
     path = tmp_path / "WISDM_raw.txt"
     times = 49_105_962_326_000 + 50_000_000 * np.arange(N)
     path.write_text("".join(f"33,Jogging,{at},-0.69,{n},0.5;\n" for n, at in enumerate(times)))

@@ -107,11 +107,11 @@ def test_printed_rows_without_a_time_have_the_rate_that_is_given(tmp_path: Path)
 def test_the_heading_names_the_columns(head: str, row: str, names: list[str], tmp_path: Path) -> None:
     store = opened(written(head, row, tmp_path / "a.csv"))
     assert [info["name"] for info in store.manifest["channels"]] == names
-    found = store.exact(1 + ("column 1" in names or "frame" in names), 0, 10_000)
-    np.testing.assert_array_equal(found.columns[0], np.arange(N) % 7)
-    np.testing.assert_allclose(np.diff(found.time), 0.02, atol=1e-6)
-    said = [one["words"] for one in store.manifest["damage"]]
-    assert ("The heading has 5 names, the rows 3 cells: the first names are taken." in said) is ("c_2" in head)
+    result = store.exact(1 + ("column 1" in names or "frame" in names), 0, 10_000)
+    np.testing.assert_array_equal(result.columns[0], np.arange(N) % 7)
+    np.testing.assert_allclose(np.diff(result.time), 0.02, atol=1e-6)
+    texts = [one["words"] for one in store.manifest["damage"]]
+    assert ("The heading has 5 names, the rows 3 cells: the first names are taken." in texts) is ("c_2" in head)
 
 
 IMU, GPS = "stamp_sec_imu,stamp_nanosec_imu", "stamp_sec_gps,stamp_nanosec_gps"
@@ -183,11 +183,11 @@ def test_the_text_of_mavlogdump_has_a_table_for_each_message(tmp_path: Path) -> 
     path.write_text("\n".join(lines) + "\n")
     store = opened(path)
     assert "TimeUS in µs" in store.manifest["time"]["sentences"][0]
-    found = {(info["message"], info["name"]): info for info in store.manifest["channels"]}
-    rows = store.exact(found["IMU", "Gyr"]["id"], 0, 1000)
+    results = {(info["message"], info["name"]): info for info in store.manifest["channels"]}
+    rows = store.exact(results["IMU", "Gyr"]["id"], 0, 1000)
     np.testing.assert_array_equal(rows.columns[0], np.arange(N) % 7)
     np.testing.assert_allclose(rows.time, 1_500_000_000 + np.arange(N) / 50, atol=1e-6)
-    assert store.exact(found["ATT", "Pitch"]["id"], 0, 1).columns[0][0] == 2.5
+    assert store.exact(results["ATT", "Pitch"]["id"], 0, 1).columns[0][0] == 2.5
 
 
 def test_the_text_of_rostopic_echo_is_refused_with_the_remedy(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def test_the_arrival_is_the_axis_of_a_device(tmp_path: Path, capsys: pytest.Capt
 
     usual = clocks()
     assert (usual["time"]["is_axis"], usual["time"]["use"], usual["arrival"]["use"]) == (True, "device", "arrival")
-    for chosen in (clocks("--clock", "arrival"), _kept(path) or clocks()):
+    for chosen in (clocks("--clock", "arrival"), _choose_arrival(path) or clocks()):
         assert chosen["arrival"]["is_axis"]
         assert not chosen["time"]["is_axis"]
         assert chosen["time"]["use"] == "device"
@@ -87,7 +87,7 @@ def test_the_arrival_is_the_axis_of_a_device(tmp_path: Path, capsys: pytest.Capt
         np.testing.assert_array_equal(signal.time, signal.arrival)
 
 
-def _kept(path: Path) -> None:
+def _choose_arrival(path: Path) -> None:
     sidecar.write(path, Edits(reading=FileReading(clock="arrival")))
 
 
@@ -100,7 +100,7 @@ def test_a_strange_sidecar_chooses_nothing() -> None:
 
 
 def test_options_of_a_command_win() -> None:
-    kept = TableOptions("t", "ms", "dmy", 0.0, {"a": "b"})
-    assert over(TableOptions(), kept) == kept
-    assert over(TableOptions(rate=100.0), kept) == TableOptions("t", "", "dmy", 100.0, {"a": "b"})
-    assert over(TableOptions("u"), kept) == TableOptions("u", columns={"a": "b"})
+    stored = TableOptions("t", "ms", "dmy", 0.0, {"a": "b"})
+    assert over(TableOptions(), stored) == stored
+    assert over(TableOptions(rate=100.0), stored) == TableOptions("t", "", "dmy", 100.0, {"a": "b"})
+    assert over(TableOptions("u"), stored) == TableOptions("u", columns={"a": "b"})

@@ -52,7 +52,7 @@ def test_times_of_every_kind(head: str, times: list[str], tmp_path: Path) -> Non
     np.testing.assert_allclose(columns.exact(1, 0, 2).time, [START + 0.5, START + 1.5], rtol=0, atol=1e-6)
 
 
-def test_lines_with_another_number_of_fields_are_skipped_and_told(tmp_path: Path) -> None:
+def test_lines_with_another_number_of_fields_are_skipped_and_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     rows = "".join(f"{START + n},{n},{n}\n" for n in range(20))
     path.write_text(f"time,x,y\n{rows}{START + 20},1\n{START + 21},1,2,3\n{START + 22},7,8\n")
@@ -140,7 +140,7 @@ def test_cells_that_are_not_numbers_are_reported(tmp_path: Path) -> None:
     assert "2 cells" in words
 
 
-def test_what_is_left_out_is_said_and_not_called_damage(tmp_path: Path) -> None:
+def test_what_is_left_out_is_reported_and_not_called_damage(tmp_path: Path) -> None:
     """Regression: the library called a table with a column of labels damaged, as it did a bag with pictures."""
     heading = "time,joint.name,joint.position,joint.effort,note\n"
     text = heading + "".join(f"{1760000000 + n},elbow,{n},0,\n" for n in range(9))
@@ -168,10 +168,10 @@ def test_exported_csv_is_read_again(tmp_path: Path) -> None:
     again = opened(made)
     numbers = named(again)
     for name, number in (("Acceleration", 1), ("PacketCounter", 2)):
-        wanted, got = columns.exact(number, 0, 1000), again.exact(numbers[name], 0, 1000)
-        np.testing.assert_array_equal(got.time, wanted.time)
-        np.testing.assert_array_equal(got.arrival, wanted.arrival)
-        for a, b in zip(got.columns, wanted.columns, strict=True):
+        expected, got = columns.exact(number, 0, 1000), again.exact(numbers[name], 0, 1000)
+        np.testing.assert_array_equal(got.time, expected.time)
+        np.testing.assert_array_equal(got.arrival, expected.arrival)
+        for a, b in zip(got.columns, expected.columns, strict=True):
             np.testing.assert_array_equal(a.astype(b.dtype), b)
 
 
@@ -245,12 +245,12 @@ def test_satellites_of_an_export_are_rows_again(tmp_path: Path) -> None:
     (made,) = export("mcap", ExportRequest(columns, channels=(4,)), tmp_path / "run.mcap")
     again = opened(made)
     (info,) = (one for one in again.manifest["channels"] if one["message"] == "/MTi-630/GnssSatInfo")
-    rows, wanted = again.exact(info["id"], 0, 30), columns.exact(4, 0, 30)
+    rows, expected = again.exact(info["id"], 0, 30), columns.exact(4, 0, 30)
     names = [column["name"] for column in info["columns"]]
     assert (info["title"], info["kind"]) == ("GnssSatInfo", "table")
-    np.testing.assert_array_equal(rows.columns[names.index("svid")], wanted.columns[0])
+    np.testing.assert_array_equal(rows.columns[names.index("svid")], expected.columns[0])
     assert info["columns"][names.index("cno")]["unit"] == "dBHz"
-    np.testing.assert_allclose(rows.time, wanted.time, atol=1e-6)
+    np.testing.assert_allclose(rows.time, expected.time, atol=1e-6)
 
 
 def test_an_mcap_without_json_is_reported(tmp_path: Path) -> None:

@@ -205,7 +205,7 @@ def test_the_clock_of_a_foreign_table(head: str, row: str, start: float | None, 
         ("# Start: 01/02/2017 10:00\n" + HEADED("stamp"), "01/02/2017 10:{n:02},{x},0,9", "day or the month first"),
     ],
 )
-def test_what_has_two_readings_is_asked(head: str, row: str, words: str, tmp_path: Path) -> None:
+def test_what_has_two_readings_is_queried(head: str, row: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=re.escape(words)):
         opened(written(head, row, "a.csv", tmp_path))
 
@@ -218,12 +218,12 @@ def test_rows_without_order_have_the_unit_and_rate_of_those_in_order(head: str, 
     path = tmp_path / "a.csv"
     path.write_text("\n".join([HEADED(head), *rows]) + "\n")
     store = opened(path)
-    said = " ".join(store.manifest["time"]["sentences"])
-    assert f"in {'s' if factor == 1 else 'ms'}, since the start of the device, 50 Hz" in said
-    assert "out of order" in said
+    message = " ".join(store.manifest["time"]["sentences"])
+    assert f"in {'s' if factor == 1 else 'ms'}, since the start of the device, 50 Hz" in message
+    assert "out of order" in message
 
 
-def test_rows_without_a_time_are_said_to_be_left_out(tmp_path: Path) -> None:
+def test_rows_without_a_time_are_reported_to_be_left_out(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     rows = [f"{100 + n / 50:.2f},302400.{n:02},{n % 7}" if n >= 20 else f",,{n % 7}" for n in range(N)]
     path.write_text("Time [s],GpsTow [s],a_x\n" + "\n".join(rows) + "\n,,\n")
@@ -277,9 +277,9 @@ def test_the_unit_of_a_table_without_a_heading_can_be_given(tmp_path: Path) -> N
 def test_one_column_is_a_table_if_its_rate_is_known(head: str, rate: float, tmp_path: Path) -> None:
     path = written(head, "{x}.5", "BVP.csv", tmp_path)
     store = decode(open_file(path, "", TableOptions(rate=rate)), tmp_path / "c", protocol_set.all_protocols())
-    found = store.exact(1, 0, 1000)
-    np.testing.assert_array_equal(found.columns[0], np.arange(N) % 7 + 0.5)
-    np.testing.assert_allclose(np.diff(found.time), 1 / (rate or 64), atol=1e-6)
+    result = store.exact(1, 0, 1000)
+    np.testing.assert_array_equal(result.columns[0], np.arange(N) % 7 + 0.5)
+    np.testing.assert_allclose(np.diff(result.time), 1 / (rate or 64), atol=1e-6)
 
 
 @each_row("name", ["a.dat", "a.raw", "a.log", "a.tsv", "a.unheard-of"])

@@ -121,15 +121,15 @@ def read(table: Table) -> tuple[TimeAxis, NDArray[np.float64]] | None:
 
 def check(table: Table) -> str:
     """Read a table; the unit that is taken, "" if it is refused."""
-    if (found := read(table)) is None:
+    if (results := read(table)) is None:
         return ""
     resolution = UNITS[table.unit] * 10.0**-table.decimals
-    np.testing.assert_allclose(np.diff(found[1]), np.diff(np.array(table.times)), atol=2 * resolution + 1e-6)
+    np.testing.assert_allclose(np.diff(results[1]), np.diff(np.array(table.times)), atol=2 * resolution + 1e-6)
     return table.unit
 
 
 @given(tables())
-def test_the_unit_is_right_or_asked_for(table: Table) -> None:
+def test_the_unit_is_right_or_requested(table: Table) -> None:
     check(table)
 
 
@@ -150,24 +150,24 @@ def disturbed(draw: st.DrawFn) -> tuple[Table, str]:
 
 def check_disturbed(table: Table, kind: str) -> None:
     """Read a table; its unit is right, or it is refused, and no time is invented."""
-    if (found := read(table)) is None:
+    if (result := read(table)) is None:
         return
-    axis, time = found
+    axis, time = result
     assert axis.watch is not None
     resolution = UNITS[table.unit] * 10.0**-table.decimals
-    wanted = np.array(table.times)
+    expected = np.array(table.times)
     if axis.order:
-        wanted = np.sort(wanted)
+        expected = np.sort(expected)
     elif kind in ("backwards", "shuffled"):  # few rows: each step back is reported
         return
     if axis.clock.epoch == "1970":
-        wanted = wanted[np.abs(wanted) > resolution / 2]
+        expected = expected[np.abs(expected) > resolution / 2]
     if not axis.watch.steps:  # each is reported
-        np.testing.assert_allclose(np.diff(time), np.diff(wanted), atol=2 * resolution + 1e-6)
+        np.testing.assert_allclose(np.diff(time), np.diff(expected), atol=2 * resolution + 1e-6)
 
 
 @given(disturbed())
-def test_the_unit_of_disturbed_rows_is_right_or_asked_for(case: tuple[Table, str]) -> None:
+def test_the_unit_of_disturbed_rows_is_right_or_requested(case: tuple[Table, str]) -> None:
     check_disturbed(*case)
 
 
@@ -188,7 +188,7 @@ def test_the_unit_is_never_wrong(unit: str, data: st.DataObject) -> None:
 
 @each_row("rate", [50, 100, 200, 400])
 @each_row("unit", list(UNITS))
-def test_usual_logs_of_an_inertial_sensor_are_not_asked_about(rate: float, unit: str) -> None:
+def test_usual_logs_of_an_inertial_sensor_are_not_queried(rate: float, unit: str) -> None:
     """Asking is always right, and of no use where the answer is plain."""
     times = tuple((112.5 + np.arange(50) / rate).tolist())
     assert check(Table("timestamp", unit, times, 6 if unit == "s" else 0, "ax,ay,az")) == unit

@@ -21,11 +21,11 @@ def access(host: str = "127.0.0.1", **settings: object) -> Access:
     return Access(Config(host=host, view_token=VIEW, control_token=CONTROL, **settings))  # type: ignore[arg-type]
 
 
-def outcome(rules: Access, method: str = "GET", client: str = "127.0.0.1", **given: object) -> str | int:
+def outcome(rules: Access, method: str = "GET", client: str = "127.0.0.1", **source: object) -> str | int:
     """Role, or status of the refusal."""
-    headers = {"host": "127.0.0.1:8080", **given.pop("headers", {})}  # type: ignore[dict-item]
+    headers = {"host": "127.0.0.1:8080", **source.pop("headers", {})}  # type: ignore[dict-item]
     try:
-        return rules.check("/api/devices", method, headers, client=client, **given)  # type: ignore[arg-type]
+        return rules.check("/api/devices", method, headers, client=client, **source)  # type: ignore[arg-type]
     except RefusedError as refused:
         return status_of(refused.kind)
 
@@ -80,19 +80,19 @@ def test_a_page_of_another_site_changes_nothing_though_it_sends_no_origin(site: 
 
 def test_a_page_of_another_origin_may_link_here_and_embed_nothing() -> None:
     """Regression: an image with the address /viser/ started viser from any page."""
-    taken = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "no-cors", "sec-fetch-dest": "image"}
-    assert outcome(access(), headers=taken) == 403
-    assert outcome(access(), headers={**taken, "sec-fetch-site": "same-site"}) == 403  # another port of this machine
-    assert outcome(access(), headers={**taken, "referer": "https://elsewhere.example/page"}) == 403
-    assert outcome(access(), headers={**taken, "sec-fetch-dest": "iframe", "sec-fetch-mode": "navigate"}) == 403
-    led = {**taken, "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+    batch = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "no-cors", "sec-fetch-dest": "image"}
+    assert outcome(access(), headers=batch) == 403
+    assert outcome(access(), headers={**batch, "sec-fetch-site": "same-site"}) == 403  # another port of this machine
+    assert outcome(access(), headers={**batch, "referer": "https://elsewhere.example/page"}) == 403
+    assert outcome(access(), headers={**batch, "sec-fetch-dest": "iframe", "sec-fetch-mode": "navigate"}) == 403
+    led = {**batch, "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
     assert outcome(access(), headers=led) == "control"
     for own in ("same-origin", "none"):
-        assert outcome(access(), headers={**taken, "sec-fetch-site": own}) == "control"
+        assert outcome(access(), headers={**batch, "sec-fetch-site": own}) == "control"
     listed = access(allowed_origins=("https://elsewhere.example",))
-    assert outcome(listed, headers={**taken, "referer": "https://elsewhere.example/page"}) == "control"
-    assert outcome(listed, headers={**taken, "origin": "https://elsewhere.example"}) == "control"
-    assert outcome(listed, headers={**taken, "referer": "https://others.example/"}) == 403
+    assert outcome(listed, headers={**batch, "referer": "https://elsewhere.example/page"}) == "control"
+    assert outcome(listed, headers={**batch, "origin": "https://elsewhere.example"}) == "control"
+    assert outcome(listed, headers={**batch, "referer": "https://others.example/"}) == 403
 
 
 def test_tokens_are_made_up_beyond_loopback_only() -> None:

@@ -16,8 +16,8 @@ from websockets.exceptions import InvalidStatus
 from tests.support.server_process import ServerProcess
 from tests.support.timeouts import connecting, http_client
 
-VIEW, CONTROL, NEAR = "view-7Qx1-of-this-test", "control-9Zk4-of-this-test", "control-9Zk4-of-this-tesT"
-SECRETS = (VIEW, CONTROL, NEAR)  # also an almost correct one: a mistyped token reveals most of the right one
+VIEW, CONTROL, NEAR_TOKEN = "view-7Qx1-of-this-test", "control-9Zk4-of-this-test", "control-9Zk4-of-this-tesT"
+SECRETS = (VIEW, CONTROL, NEAR_TOKEN)  # also an almost correct one: a mistyped token reveals most of the right one
 
 
 PROXIED = {"x-forwarded-for": "203.0.113.5"}  # requests through a proxy need a token
@@ -37,20 +37,20 @@ def test_a_token_is_in_nothing_that_is_printed_or_written(guarded: ServerProcess
     answers = use(guarded.url)
     titles = processes(guarded.process.pid)
     guarded.stop()
-    told = [f"{answer.status_code} {answer.headers} {answer.text}" for answer in answers]
-    assert any("429" in one for one in told)
-    assert any("view-only" in one for one in told)
+    messages = [f"{answer.status_code} {answer.headers} {answer.text}" for answer in answers]
+    assert any("429" in one for one in messages)
+    assert any("view-only" in one for one in messages)
     assert "This token is not valid." in guarded.log
     everything = {"printed": guarded.log, "process titles": titles}
-    everything |= {f"answer {n}": one for n, one in enumerate(told)}
+    everything |= {f"answer {n}": one for n, one in enumerate(messages)}
     for path in guarded.data.rglob("*"):
         if path.is_file():
             everything[str(path)] = path.read_bytes().decode("latin-1")
-    assert len(everything) > len(told) + 2  # something was written
-    found = {where: secret for where, text in everything.items() for secret in SECRETS if secret in text}
+    assert len(everything) > len(messages) + 2  # something was written
+    results = {where: secret for where, text in everything.items() for secret in SECRETS if secret in text}
     # The cookie is the only place: it is set once, for a client that has presented the token.
-    assert {where: everything[where][:2000] for where in found if "set-cookie" not in everything[where]} == {}
-    assert len(found) == 2
+    assert {where: everything[where][:2000] for where in results if "set-cookie" not in everything[where]} == {}
+    assert len(results) == 2
     assert "Traceback" not in guarded.log
 
 
@@ -58,7 +58,7 @@ def use(url: str) -> list[httpx.Response]:
     """Hit a server with tokens, rightly and wrongly, in every way there is."""
     answers = []
     with http_client(base_url=url, headers=PROXIED) as client:
-        for token in (VIEW, CONTROL, NEAR):
+        for token in (VIEW, CONTROL, NEAR_TOKEN):
             bearer = {"authorization": f"Bearer {token}"}
             answers += [
                 client.get("/", params={"token": token, "keep": "1"}),
@@ -75,7 +75,7 @@ def use(url: str) -> list[httpx.Response]:
                 client.get("/api/build", headers={"authorization": f"Basic {token}"}),
             ]
             client.cookies.clear()
-        answers += [client.get("/api/build", params={"token": NEAR}) for _ in range(12)]
+        answers += [client.get("/api/build", params={"token": NEAR_TOKEN}) for _ in range(12)]
     answers = [one for one in answers if not urlsplit(str(one.url)).path.endswith(SECRETS)]  # it names the request
     asyncio.run(_sockets(url.replace("http", "ws")))
     with (
@@ -102,11 +102,11 @@ async def _sockets(url: str) -> None:
 
 def processes(parent: int) -> str:
     """Command lines and environments of a server's processes, as every user or this one can see them."""
-    found = []
+    results = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
             if parent in (int(stat.parent.name), int(stat.read_text().rpartition(")")[2].split()[1])):
-                found += [
+                results += [
                     (stat.parent / name).read_bytes().decode("latin-1") for name in ("cmdline", "environ", "comm")
                 ]
-    return "\0".join(found)
+    return "\0".join(results)

@@ -17,11 +17,11 @@ from imuscope.server.access.login_throttle import (
 )
 from imuscope.server.errors import status_of
 from imuscope.server.settings.config import Config
-from tests.support.asgi_client import Answer, ask
+from tests.support.asgi_client import Answer, send_request
 from tests.support.each_row import each_row
 from tests.support.manual_clock import ManualClock
 
-SHORT, LONG = "short-one", "a-token-that-cannot-be-guessed"
+SHORT, LONG_TOKEN = "short-one", "a-token-that-cannot-be-guessed"
 HOST = {"host": "192.0.2.1:8080"}
 Clock = ManualClock[float]
 
@@ -40,7 +40,7 @@ def clock() -> Clock:
 
 
 def access(clock: Clock) -> Access:
-    return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG), LoginThrottle(clock))
+    return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG_TOKEN), LoginThrottle(clock))
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_a_correct_token_fails_while_its_address_is_locked(rules: Access, clock:
 def test_a_long_token_passes_despite_failures_at_its_address(rules: Access) -> None:
     for n in range(100):
         tried(rules, f"guess-{n}")
-        assert tried(rules, LONG) == "control"
+        assert tried(rules, LONG_TOKEN) == "control"
     made = Access(Config(host="0.0.0.0"))
     for n in range(100):
         tried(made, f"guess-{n}")
@@ -129,7 +129,7 @@ def test_memory_is_constant(clock: Clock) -> None:
 
 
 def test_short_tokens_are_reported() -> None:
-    assert short_tokens(Config(view_token=SHORT, control_token=LONG)) == ["view_token"]
+    assert short_tokens(Config(view_token=SHORT, control_token=LONG_TOKEN)) == ["view_token"]
     assert short_tokens(Config()) == []
 
 
@@ -150,15 +150,15 @@ def test_every_login_route_counts_failures_and_gives_retry_after(way: str) -> No
     def attempt(token: str) -> Answer:
         match way:
             case "bearer":
-                return ask(guard, "GET", "/api/devices", {"authorization": f"Bearer {token}"})
+                return send_request(guard, "GET", "/api/devices", {"authorization": f"Bearer {token}"})
             case "cookie":
-                return ask(guard, "GET", "/api/devices", {"cookie": f"{rules.cookie_name}={token}"})
+                return send_request(guard, "GET", "/api/devices", {"cookie": f"{rules.cookie_name}={token}"})
             case "query":
-                return ask(guard, "GET", f"/api/devices?token={token}")
+                return send_request(guard, "GET", f"/api/devices?token={token}")
             case "page":
-                return ask(guard, "GET", f"/?token={token}")
+                return send_request(guard, "GET", f"/?token={token}")
             case _:
-                return ask(guard, "WS", f"/ws?token={token}")
+                return send_request(guard, "WS", f"/ws?token={token}")
 
     wrong = 200 if way == "page" else 401  # the page itself is open
     assert [attempt("wrong").status for _ in range(MAX_FAILURES)] == [wrong] * MAX_FAILURES
@@ -166,7 +166,7 @@ def test_every_login_route_counts_failures_and_gives_retry_after(way: str) -> No
     assert (locked.status, locked.headers["retry-after"]) == (429, "6")
     message = "Too many wrong tokens came from this address."
     assert locked.json() == {"kind": "too-many-tokens", "message": message, "hint": "Try again in 6 s."}
-    assert ask(guard, "GET", "/").status == 200
-    assert ask(guard, "GET", "/api/devices", {"authorization": f"Bearer {LONG}"}).status == 200
+    assert send_request(guard, "GET", "/").status == 200
+    assert send_request(guard, "GET", "/api/devices", {"authorization": f"Bearer {LONG_TOKEN}"}).status == 200
     clock.now = 6.0
-    assert ask(guard, "GET", f"/?token={SHORT}").status == 303
+    assert send_request(guard, "GET", f"/?token={SHORT}").status == 303

@@ -28,27 +28,27 @@ async def hello(scope: Scope, receive: Receive, send: Send) -> None:
     await send({"type": "http.response.body", "body": b""})
 
 
-async def ask(
+async def send_request(
     turnstile: RateLimiter, path: str = "/api/devices", client: str = "192.0.2.1", method: str = "GET"
 ) -> tuple[int, dict[str, Any]]:
     """Status and headers with the body."""
-    said: list[Any] = []
+    texts: list[Any] = []
 
     async def send(message: Any) -> None:
-        said.append(message)
+        texts.append(message)
 
     async def receive() -> Any:
         return {"type": "http.request"}
 
     scope = {"type": "http", "method": method, "path": path, "client": (client, 1), "headers": []}
     await turnstile(scope, receive, send)
-    headers = {name.decode(): value.decode() for name, value in said[0]["headers"]}
-    return said[0]["status"], {**headers, **json.loads(said[1]["body"] or b"{}")}
+    headers = {name.decode(): value.decode() for name, value in texts[0]["headers"]}
+    return texts[0]["status"], {**headers, **json.loads(texts[1]["body"] or b"{}")}
 
 
-def statuses(turnstile: RateLimiter, times: int, **asked: str) -> list[int]:
+def statuses(turnstile: RateLimiter, times: int, **request: str) -> list[int]:
     async def all_of_them() -> list[int]:
-        return [(await ask(turnstile, **asked))[0] for _ in range(times)]
+        return [(await send_request(turnstile, **request))[0] for _ in range(times)]
 
     return asyncio.run(all_of_them())
 
@@ -58,10 +58,10 @@ def test_a_flood_of_requests_is_limited_with_retry_after() -> None:
     turnstile = RateLimiter(hello, clock)
     most = int(REQUEST_BURST)
     assert statuses(turnstile, most + 50) == [200] * most + [429] * 50
-    status, told = asyncio.run(ask(turnstile))
-    assert (status, told["kind"], told["retry-after"]) == (429, "too-fast", "1")
-    assert told["message"].endswith("address.")
-    assert told["hint"]
+    status, report = asyncio.run(send_request(turnstile))
+    assert (status, report["kind"], report["retry-after"]) == (429, "too-fast", "1")
+    assert report["message"].endswith("address.")
+    assert report["hint"]
     assert statuses(turnstile, 3, path="/healthz") == [200] * 3  # monitoring is not rejected
     assert statuses(turnstile, 3, client="192.0.2.2") == [200] * 3
     clock.now += 1.0  # to ask in vain cost nothing
@@ -84,14 +84,14 @@ async def test_request_bursts_do_not_delay_viewers() -> None:
         await hello(scope, receive, send)
 
     turnstile = RateLimiter(noted, ManualClock(1000.0))
-    asked = [asyncio.create_task(ask(turnstile)) for _ in range(100)]
+    requests = [asyncio.create_task(send_request(turnstile)) for _ in range(100)]
     before = 0
-    while len(begun) < len(asked):
+    while len(begun) < len(requests):
         await asyncio.sleep(0)
         assert len(begun) - before <= 2 * ADMITTED_PER_PASS
         before = len(begun)
-    await ask(turnstile, "/healthz")
-    await asyncio.gather(*asked)
+    await send_request(turnstile, "/healthz")
+    await asyncio.gather(*requests)
 
 
 def reading(turn: Callable[[RateLimiter, asyncio.Event, list[str]], Any]) -> None:
@@ -110,7 +110,9 @@ def reading(turn: Callable[[RateLimiter, asyncio.Event, list[str]], Any]) -> Non
 
 def test_readings_of_one_address_take_turns() -> None:
     async def turn(turnstile: RateLimiter, let: asyncio.Event, reads: list[str]) -> None:
-        asked = [asyncio.create_task(ask(turnstile, f"{ONE}/window")) for _ in range(MAX_READING + MAX_WAITING)]
+        requests = [
+            asyncio.create_task(send_request(turnstile, f"{ONE}/window")) for _ in range(MAX_READING + MAX_WAITING)
+        ]
         await asyncio.sleep(0)
         assert len(reads) == MAX_READING
         for way, path in (
@@ -118,16 +120,16 @@ def test_readings_of_one_address_take_turns() -> None:
             ("POST", "/api/analysis/statistics"),
             ("POST", "/api/comparison"),
         ):
-            status, told = await ask(turnstile, path, method=way)
-            assert (status, told["kind"]) == (429, "too-fast"), path
-        others = [asyncio.create_task(ask(turnstile, path)) for path in (f"{ONE}/download", "/api/devices")]
-        others.append(asyncio.create_task(ask(turnstile, "/api/devices/1/query", "192.0.2.2")))
+            status, report = await send_request(turnstile, path, method=way)
+            assert (status, report["kind"]) == (429, "too-fast"), path
+        others = [asyncio.create_task(send_request(turnstile, path)) for path in (f"{ONE}/download", "/api/devices")]
+        others.append(asyncio.create_task(send_request(turnstile, "/api/devices/1/query", "192.0.2.2")))
         await asyncio.sleep(0)
         assert len(reads) == MAX_READING + 3  # others do not wait for them
-        asked[-1].cancel()  # a disconnected browser
+        requests[-1].cancel()  # a disconnected browser
         let.set()
-        found = await asyncio.gather(*asked, *others, return_exceptions=True)
-        assert [one[0] for one in found if isinstance(one, tuple)] == [200] * (len(found) - 1)
+        results = await asyncio.gather(*requests, *others, return_exceptions=True)
+        assert [one[0] for one in results if isinstance(one, tuple)] == [200] * (len(results) - 1)
         assert not turnstile._readers
 
     reading(turn)

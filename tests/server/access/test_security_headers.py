@@ -40,8 +40,8 @@ def policy_of(running: InProcessServer, path: str) -> dict[str, str]:
 @each_row("path", DATA)
 def test_responses_other_than_pages_can_do_nothing_in_a_browser(path: str, running: InProcessServer) -> None:
     nothing = "'none'"
-    wanted = {"default-src": nothing, "frame-ancestors": nothing, "base-uri": nothing, "form-action": nothing}
-    assert policy_of(running, path) == wanted
+    expected = {"default-src": nothing, "frame-ancestors": nothing, "base-uri": nothing, "form-action": nothing}
+    assert policy_of(running, path) == expected
 
 
 @each_row("path", PAGES)

@@ -22,7 +22,7 @@ from imuscope.server.links.base import Link, LinkError, LinkSettings
 from imuscope.server.settings.config import Config
 from imuscope.server.streaming.send_queue import SendQueue
 from imuscope.server.wire import SUBPROTOCOL
-from tests.support.asgi_client import Answer, ask
+from tests.support.asgi_client import Answer, send_request
 from tests.support.each_row import each_row
 from tests.support.fakes import SPEECH, FakeLink
 from tests.support.in_process_server import InProcessServer
@@ -75,8 +75,8 @@ def test_source_errors_are_reported(client: Client) -> None:
 @each_row("body", [{}, {"source": ""}, {"source": 1}, {"source": "x", "extra": 1}, [], "x", None])
 def test_wrong_bodies(client: Client, body: Any) -> None:
     response = client.post("/api/devices", json=body)
-    found = assert_problem(response, 422, "bad-request")
-    assert found["hint"]
+    result = assert_problem(response, 422, "bad-request")
+    assert result["hint"]
 
 
 def test_a_body_that_is_not_json(client: Client) -> None:
@@ -155,7 +155,7 @@ def app() -> Guard:
 @pytest.fixture(scope="module")
 def document(app: Guard) -> dict[str, Any]:
     """Its description of itself."""
-    return json.loads(ask(app, "GET", "/openapi.json", client="127.0.0.1").body)  # type: ignore[no-any-return]
+    return json.loads(send_request(app, "GET", "/openapi.json", client="127.0.0.1").body)  # type: ignore[no-any-return]
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +173,7 @@ def test_every_route_answers_errors_in_the_one_shape(app: Guard, routes: list[tu
     def request(method: str, path: str, headers: dict[str, str] | None = None, body: bytes = b"") -> Answer:
         length = {"content-length": str(len(body))} if body else {}
         headers = {"host": "127.0.0.1", **length, **(headers or {})}
-        return ask(app, method, path, headers, client="127.0.0.1", body=body)
+        return send_request(app, method, path, headers, client="127.0.0.1", body=body)
 
     assert ("/api/devices", "POST") in routes
     for path, method in routes:
@@ -231,7 +231,7 @@ def test_openapi_documents_every_route(document: dict[str, Any]) -> None:
             assert all("ProblemBody" in shape for shape in shapes), f"{where}: errors have one shape"
 
 
-def test_openapi_names_the_token_that_is_asked_for(document: dict[str, Any]) -> None:
+def test_openapi_names_the_token_that_is_requested(document: dict[str, Any]) -> None:
     assert document["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
     assert document["paths"]["/api/devices"]["get"]["security"] == [{"token": []}, {}]
     assert document["paths"]["/healthz"]["get"]["security"] == []
@@ -331,7 +331,7 @@ def test_a_refused_websocket_is_not_logged_as_an_error(caplog: pytest.LogCapture
     ]
 
 
-def test_the_websocket_tells_everything_and_answers(running: InProcessServer) -> None:
+def test_the_websocket_reports_everything_and_answers(running: InProcessServer) -> None:
     with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
         assert socket.subprotocol == SUBPROTOCOL
         assert [json.loads(socket.recv())["op"] for _ in range(5)] == [
@@ -342,16 +342,16 @@ def test_the_websocket_tells_everything_and_answers(running: InProcessServer) ->
             "health",
         ]
 
-        def ask(message: str | bytes, op: str) -> dict[str, Any]:
+        def request(message: str | bytes, op: str) -> dict[str, Any]:
             socket.send(message)
             while (answer := json.loads(socket.recv(timeout=PATIENCE_S)))["op"] != op:
                 assert answer["op"] in ("devices", "events", "health", "channels", "jobs")
             return dict(answer)
 
-        assert ask('{"op":"ping","t":7}', "pong")["t"] == 7
-        assert set(ask("nonsense", "error")) == {"op", "kind", "message", "hint"}
-        assert ask(b"binary", "error")["kind"] == "bad-request"
-        assert ask('{"op":"subscribe","history":5,"channels":null}', "history_end") == {"op": "history_end"}
+        assert request('{"op":"ping","t":7}', "pong")["t"] == 7
+        assert set(request("nonsense", "error")) == {"op", "kind", "message", "hint"}
+        assert request(b"binary", "error")["kind"] == "bad-request"
+        assert request('{"op":"subscribe","history":5,"channels":null}', "history_end") == {"op": "history_end"}
         assert running.client.get("/healthz").json()["browsers"] == 1
     block_until(lambda: not running.client.get("/healthz").json()["browsers"], "a browser that left is not counted")
 

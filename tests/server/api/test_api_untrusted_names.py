@@ -183,26 +183,26 @@ def sent_or_no_view(running: InProcessServer, path: str) -> int:
 
 @each_row("name", NASTY.values(), ids=NASTY)
 def test_a_file_gets_a_name_that_any_system_can_hold(name: str) -> None:
-    found = clean_name(name, suffixes())
-    assert is_harmless(found), found
-    assert clean_name(found, suffixes()) == found
+    result = clean_name(name, suffixes())
+    assert is_harmless(result), result
+    assert clean_name(result, suffixes()) == result
 
 
 @each_row("name", NASTY.values(), ids=NASTY)
 def test_a_snapshot_is_stored_in_its_folder_only(name: str, tmp_path: Path) -> None:
     """The serial number is untrusted too: it comes from the line."""
-    kept = Snapshots(tmp_path / "data" / "snapshots")
+    place = Snapshots(tmp_path / "data" / "snapshots")
     snapshot = Snapshot("xbus", name, name, name, title=name, taken=1.76e9, values={"a": {"b": 1}}, reason=name)
-    info = kept.save(snapshot, {})
+    info = place.save(snapshot, {})
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
     for path in tmp_path.rglob("*"):
         assert is_harmless(path.name), path
-    assert kept.get("xbus", name, info.name).values == {"a": {"b": 1}}
+    assert place.get("xbus", name, info.name).values == {"a": {"b": 1}}
     for other in (*NASTY.values(), "", "x/../y"):
         with pytest.raises(KeyError):
-            kept.get("xbus", name, other)
+            place.get("xbus", name, other)
         with pytest.raises(KeyError):
-            kept.delete("xbus", name, other)
+            place.delete("xbus", name, other)
 
 
 @each_row(

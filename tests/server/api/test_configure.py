@@ -48,11 +48,11 @@ def done(http: Client, answer: Any, device: int = 1) -> Any:
     assert answer.status_code == 202, answer.text
     number = answer.json()["id"]
 
-    def found() -> Any:
+    def result() -> Any:
         control = http.get(f"/api/devices/{device}/jobs").json()
         return next((job for job in control["done"] if job["id"] == number), None)
 
-    return until(found, http)
+    return until(result, http)
 
 
 def post(http: Client, path: str, body: Any, device: int = 1) -> Any:
@@ -107,7 +107,7 @@ def test_an_orientation_reset_is_stored_with_nothing_between(http: Client) -> No
         ("run", {"command": "ReqDID", "values": {}}),
     ],
 )
-def test_what_would_discard_an_orientation_reset_is_asked_about_first(
+def test_what_would_discard_an_orientation_reset_needs_confirmation_first(
     http: Client, path: str, body: dict[str, Any]
 ) -> None:
     read(http)
@@ -194,8 +194,8 @@ def test_the_same_profile_goes_to_two_devices(http: Client) -> None:
     for device, old in ((1, before[0]), (2, before[1])):
         now = read(http, device)
         assert {name: now[name] for name in changes} == changes
-        kept = http.get(f"/api/devices/{device}/snapshots").json()
-        name = next(one["name"] for one in kept if one["reason"] == "new mast")
+        answer = http.get(f"/api/devices/{device}/snapshots").json()
+        name = next(one["name"] for one in answer if one["reason"] == "new mast")
         sides = {"left": {"side": "device"}, "right": {"side": "snapshot", "snapshot": name}}
         difference = post(http, "compare", sides, device).json()
         assert set(difference["changes"]) == set(changes)
@@ -226,16 +226,16 @@ def test_a_snapshot_of_one_device_is_compared_with_another(http: Client) -> None
     read(http, 2)
     name = http.get("/api/devices/1/snapshots").json()[-1]["name"]
     right = {"side": "snapshot", "snapshot": name, "device": "1"}
-    found = post(http, "compare", {"left": {"side": "device"}, "right": right}, 2).json()
-    assert found["product"].startswith("MTi-630")
-    assert set(found["changes"]) <= set(found["profile"])
-    assert (found["blocked"], found["problems"]) == ("", [])
+    answer = post(http, "compare", {"left": {"side": "device"}, "right": right}, 2).json()
+    assert answer["product"].startswith("MTi-630")
+    assert set(answer["changes"]) <= set(answer["profile"])
+    assert (answer["blocked"], answer["problems"]) == ("", [])
 
 
 def test_a_snapshot_is_a_file_that_can_be_sent_and_compared(http: Client) -> None:
     read(http)
-    kept = post(http, "snapshots", {"title": "New mast fitted"}).json()
-    answer = http.get(f"/api/devices/1/snapshots/{kept['name']}")
+    stored = post(http, "snapshots", {"title": "New mast fitted"}).json()
+    answer = http.get(f"/api/devices/1/snapshots/{stored['name']}")
     assert answer.headers["content-type"].startswith("application/yaml")
     text = answer.text
     sides = {"left": {"side": "device"}, "right": {"side": "text", "text": text}}
@@ -256,10 +256,10 @@ def test_a_snapshot_is_a_file_that_can_be_sent_and_compared(http: Client) -> Non
 
 def test_the_factory_and_another_device_are_sides_too(http: Client) -> None:
     read(http, 1), read(http, 2)
-    found = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "factory"}}).json()
-    assert ("Acceleration", "10 Hz", "off") in [(one["title"], one["left"], one["right"]) for one in found["rows"]]
-    found = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "other", "device": "2"}}).json()
-    assert "DeviceID" in [one["setting"] for one in found["rows"]]
+    reply = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "factory"}}).json()
+    assert ("Acceleration", "10 Hz", "off") in [(one["title"], one["left"], one["right"]) for one in reply["rows"]]
+    reply = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "other", "device": "2"}}).json()
+    assert "DeviceID" in [one["setting"] for one in reply["rows"]]
     answer = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "other", "device": "3"}})
     assert (answer.status_code, answer.json()["kind"]) == (409, "not-alike")
 
@@ -278,15 +278,15 @@ def test_harmful_changes_need_confirmation_in_words(http: Client) -> None:
 
 def test_raw_bytes_are_named_before_they_are_sent(http: Client) -> None:
     """Whatever was typed, the question was the same; two messages in one could hide the second."""
-    ask, restore = "faff000001", "faff0e00f3"
-    assert post(http, "raw", {"hex": ask}).status_code == 202
-    asked = post(http, "raw", {"hex": restore}).json()
-    assert asked["kind"] == "confirm"
-    assert asked["message"].startswith("RestoreFactoryDef: ")
-    both = post(http, "raw", {"hex": ask + restore}).json()["message"]
+    request, restore = "faff000001", "faff0e00f3"
+    assert post(http, "raw", {"hex": request}).status_code == 202
+    answer = post(http, "raw", {"hex": restore}).json()
+    assert answer["kind"] == "confirm"
+    assert answer["message"].startswith("RestoreFactoryDef: ")
+    both = post(http, "raw", {"hex": request + restore}).json()["message"]
     assert "ReqDID: " in both
     assert "RestoreFactoryDef: " in both
-    for odd in (ask + "00", ask[:-2] + "02", "00"):
+    for odd in (request + "00", request[:-2] + "02", "00"):
         assert "not a known message" in post(http, "raw", {"hex": odd}).json()["message"]
 
 
@@ -306,25 +306,25 @@ def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess
     """Two browsers see the job of one and its frames in order; a later browser gets the finished job."""
 
     def ops(socket: Any, enough: Callable[[list[Any]], bool]) -> list[Any]:
-        found: list[Any] = []
-        while not enough(found):
+        results: list[Any] = []
+        while not enough(results):
             message = json.loads(socket.recv(timeout=PATIENCE_S))
             if message["op"] in ("jobs", "traffic"):
-                found.append(message)
-        return found
+                results.append(message)
+        return results
 
     def first(message: Any) -> Any:
         return next(one for one in message["devices"] if one["device"] == "1")
 
-    def requests(found: list[Any]) -> list[str]:
-        entries = [entry for message in found for entry in message.get("entries", ())]
+    def requests(results: list[Any]) -> list[str]:
+        entries = [entry for message in results for entry in message.get("entries", ())]
         return [entry["name"] for entry in entries if entry["direction"] == "tx"]
 
-    def is_over(found: list[Any]) -> bool:
+    def is_over(results: list[Any]) -> bool:
         """A short job may end before its first message is sent, so that no message reports it as running."""
-        states = [first(one) for one in found if one["op"] == "jobs"]
+        states = [first(one) for one in results if one["op"] == "jobs"]
         is_done = any(job["id"] > earlier for one in states for job in one["done"])
-        return is_done and states[-1]["running"] is None and not states[-1]["queue"] and len(requests(found)) >= 3
+        return is_done and states[-1]["running"] is None and not states[-1]["queue"] and len(requests(results)) >= 3
 
     earlier = max((job["id"] for job in http.get("/api/devices/1/jobs").json()["done"]), default=0)
     ws = server.url.replace("http", "ws", 1) + "/ws"
@@ -333,13 +333,13 @@ def test_all_clients_are_notified_of_changes(http: Client, server: ServerProcess
         connect(ws, subprotocols=[SUBPROTOCOL]) as other,
         ThreadPoolExecutor(2) as pool,
     ):
-        seen = [pool.submit(ops, socket, is_over) for socket in (one, other)]
+        observed = [pool.submit(ops, socket, is_over) for socket in (one, other)]
         done(http, post(http, "run", {"command": "ReqFWRev"}))
-        for future in seen:
+        for future in observed:
             assert requests(future.result(PATIENCE_S))[:4] == ["ReqDID", "GoToConfig", "ReqFWRev", "GoToMeasurement"]
     with connect(ws, subprotocols=[SUBPROTOCOL]) as late:
-        told = ops(late, lambda found: len(found) == 1)[0]
-        assert first(told)["done"][0]["title"]
+        report = ops(late, lambda results: len(results) == 1)[0]
+        assert first(report)["done"][0]["title"]
 
 
 def test_two_users_at_once_and_an_unconfirmed_change(http: Client, server: ServerProcess) -> None:
@@ -359,7 +359,7 @@ def test_two_users_at_once_and_an_unconfirmed_change(http: Client, server: Serve
     assert http.get("/api/devices").json()[0]["baud"] == 115_200
 
 
-def test_what_viewers_may_ask_sends_nothing(server: ServerProcess) -> None:
+def test_what_viewers_may_request_sends_nothing(server: ServerProcess) -> None:
     with http_client(base_url=server.url, headers={"authorization": f"Bearer {VIEW}"}) as viewer:
         before = viewer.get("/api/devices/1/traffic").json()
         assert post(viewer, "preview", {"command": "Reset", "values": {}}).json()["frames"][0]["hex"] == "faff4000c1"

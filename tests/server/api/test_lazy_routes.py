@@ -8,7 +8,7 @@ from fastapi.routing import APIRoute
 
 from imuscope.server.api.framework import ROUTERS
 from imuscope.server.api.lazy_routes import LazyRoute, lazy_router
-from tests.support.asgi_client import ask
+from tests.support.asgi_client import send_request
 
 
 def test_a_route_is_built_at_its_first_request() -> None:
@@ -23,12 +23,12 @@ def test_a_route_is_built_at_its_first_request() -> None:
     assert isinstance(route, LazyRoute)
     app = FastAPI()
     app.router.routes.extend(router.routes)
-    assert ask(app, "GET", "/api/double").status_code == 404
-    assert ask(app, "POST", "/api/x/double").status_code == 405
+    assert send_request(app, "GET", "/api/double").status_code == 404
+    assert send_request(app, "POST", "/api/x/double").status_code == 405
     assert "dependant" not in vars(route)
-    assert ask(app, "GET", "/api/x/double?times=3").body == b'["x","x","x"]'
+    assert send_request(app, "GET", "/api/x/double?times=3").body == b'["x","x","x"]'
     assert "dependant" in vars(route)
-    assert ask(app, "GET", "/api/x/double?times=many").status_code == 422
+    assert send_request(app, "GET", "/api/x/double?times=many").status_code == 422
     assert route.description == "A list."
     assert set(app.openapi()["paths"]["/api/{name}/double"]["get"]["responses"]) == {"200", "404", "422"}
     with pytest.raises(AttributeError, match="nothing"):

@@ -48,16 +48,16 @@ def running(folder: Path) -> Iterator[InProcessServer]:
 
 
 def listed(running: InProcessServer, search: str = "") -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = running.client.get(URL, params={"q": search}).json()
-    return found
+    answer: list[dict[str, Any]] = running.client.get(URL, params={"q": search}).json()
+    return answer
 
 
 def finished(running: InProcessServer, job: int) -> dict[str, Any]:
-    def found() -> dict[str, Any] | None:
+    def result() -> dict[str, Any] | None:
         jobs = (one for one in running.client.get(f"{URL}/exports").json() if one["id"] == job)
         return next((one for one in jobs if one["state"] not in ("waiting", "running")), None)
 
-    return dict(block_until(found, f"export {job} is finished", seconds=120))
+    return dict(block_until(result, f"export {job} is finished", seconds=120))
 
 
 def opened(running: InProcessServer, recording: str) -> dict[str, Any]:
@@ -124,11 +124,11 @@ def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: InProcess
     drive(folder / "b.mcap", seconds=0.2)
     client.patch(f"{URL}/a", json={"notes": "3 laps"})
     opened(running, "a")
-    found = next(one["devices"] for one in listed(running) if one["id"] == "a")  # as it was opened
-    told = client.patch(f"{URL}/a", json={"file": " ../yard loop.mcap "}).json()
-    assert (told["id"], told["file"], told["notes"]) == ("yard loop", "yard loop.mcap", "3 laps")
-    assert told["opened"]  # and it need not be decoded again
-    assert told["devices"] == found
+    result = next(one["devices"] for one in listed(running) if one["id"] == "a")  # as it was opened
+    answer = client.patch(f"{URL}/a", json={"file": " ../yard loop.mcap "}).json()
+    assert (answer["id"], answer["file"], answer["notes"]) == ("yard loop", "yard loop.mcap", "3 laps")
+    assert answer["opened"]  # and it need not be decoded again
+    assert answer["devices"] == result
     assert client.get(f"{URL}/yard loop").status_code == 200
     assert sorted(path.name for path in folder.iterdir() if path.suffix == ".json") == ["yard loop.mcap.json"]
     assert_problem(client.get(f"{URL}/a"), 404)
@@ -197,7 +197,7 @@ def test_only_an_upload_may_be_large_and_no_json_and_it_is_bounded(running: InPr
 
 
 def test_a_download_is_one_file_with_everything_in_it(running: InProcessServer, folder: Path, tmp_path: Path) -> None:
-    kept = drive(folder / "a.mcap", seconds=1.0)
+    path = drive(folder / "a.mcap", seconds=1.0)
     running.client.patch(f"{URL}/a", json={"title": "Höhe", "tags": ["x"]})
     running.client.post(f"{URL}/a/markers", json={"text": "later", "time": 1.76e9})
     got = running.client.get(f"{URL}/a/download")
@@ -207,19 +207,19 @@ def test_a_download_is_one_file_with_everything_in_it(running: InProcessServer, 
     entry = ReadLibrary(tmp_path / "b").get("b")
     assert (entry.title, entry.edits.tags, entry.markers) == ("Höhe", ("x",), 2)
     source = McapSource(tmp_path / "b" / "b.mcap")
-    assert b"".join(part.data for part in source.parts() if part.direction == "rx") == kept
+    assert b"".join(part.data for part in source.parts() if part.direction == "rx") == path
     assert make_reader(io.BytesIO(got.content)).get_summary() is not None
-    assert running.client.get(f"{URL}/a/original").content == kept
+    assert running.client.get(f"{URL}/a/original").content == path
 
 
 def test_a_capture_is_downloaded_as_a_recording(running: InProcessServer, folder: Path, tmp_path: Path) -> None:
-    kept = drive(tmp_path / "x.mcap", seconds=2.0)
-    (folder / "c.mtb").write_bytes(kept)
+    path = drive(tmp_path / "x.mcap", seconds=2.0)
+    (folder / "c.mtb").write_bytes(path)
     (tmp_path / "c.mcap").write_bytes(running.client.get(f"{URL}/c/download").content)
     with McapReader(tmp_path / "c.mcap") as recording:
         assert recording.is_ours
     source = McapSource(tmp_path / "c.mcap")
-    assert b"".join(part.data for part in source.parts()) == kept
+    assert b"".join(part.data for part in source.parts()) == path
     assert source.devices["1"].protocol == "xbus"
     assert not source.damage
 
@@ -246,8 +246,8 @@ def test_files_of_others_are_downloaded_with_the_users_changes(running: InProces
             client.post(f"{URL}/{name}/markers", json={"text": f"{n} " + "y" * 1990, "time": 1.76e9})
         got = client.get(f"{URL}/{name}/download")
         assert f'filename="{name}.{suffix}"' in got.headers["content-disposition"]
-        told = client.put(f"{URL}/upload", params={"name": f"{name}-2.{suffix}"}, content=got.content, headers=FILE)
-        again = told.json()
+        report = client.put(f"{URL}/upload", params={"name": f"{name}-2.{suffix}"}, content=got.content, headers=FILE)
+        again = report.json()
         assert (again["title"], again["tags"], again["notes"]) == ("Größer", ["yard"], "two\nlines")
         assert again["markers"] == 41
         client.patch(f"{URL}/{name}-2", json={"title": "Anew"})
@@ -284,10 +284,10 @@ def test_an_export_is_a_job_whose_file_is_fetched(running: InProcessServer, fold
 
 def test_sizes_of_exports_are_measured_before_anything_is_exported(running: InProcessServer, folder: Path) -> None:
     drive(folder / "a.mcap", seconds=1.0)
-    told = running.client.post(f"{URL}/a/export-sizes", json={}).json()
+    answer = running.client.post(f"{URL}/a/export-sizes", json={}).json()
     done = finished(running, running.client.post(f"{URL}/a/exports", json={"format": "csv"}).json()["id"])
-    assert told["sizes"]["csv"] == pytest.approx(done["size"], rel=0.02)
-    assert list(told["devices"]) == ["1"]
+    assert answer["sizes"]["csv"] == pytest.approx(done["size"], rel=0.02)
+    assert list(answer["devices"]) == ["1"]
     whole = running.client.get(f"{URL}/a").json()
     half = {"t0": whole["t0"], "t1": (whole["t0"] + whole["t1"]) / 2}
     part = running.client.post(f"{URL}/a/export-sizes", json=half).json()

@@ -60,7 +60,7 @@ class StreamReader:
         for samples in wire_codec.decode_samples(message, dtypes):
             (self.history if samples.history else self.live)[samples.channel].append(samples)
 
-    def said(self, op: str) -> list[dict[str, Any]]:
+    def messages_of(self, op: str) -> list[dict[str, Any]]:
         return [text for text in self.texts if text["op"] == op]
 
     def named(self, name: str) -> int:
@@ -88,7 +88,7 @@ def test_a_simulator_streams_into_a_browser(server: ServerProcess) -> None:
         reader = StreamReader(connection)
         reader.subscribe()
         reader.read(PATIENCE_S, lambda r: any(len(frames) > 80 for frames in r.live.values()))
-        (device,) = reader.said("devices")[-1]["devices"]
+        (device,) = reader.messages_of("devices")[-1]["devices"]
         assert (device["status"], device["protocol"], device["link"]) == ("live", "xbus", "simulator")
         acceleration = reader.channels[reader.named("Acceleration")]
         assert (acceleration["kind"], acceleration["unit"]) == ("vector", "m/s²")
@@ -102,13 +102,15 @@ def test_a_simulator_streams_into_a_browser(server: ServerProcess) -> None:
         assert (np.diff(host) > 0).all()
         assert np.abs(arrival - host).min() < 0.05  # of the sample that was held up least, by whatever else runs here
         assert abs(np.median(np.sqrt(x**2 + y**2 + z**2)) - 9.8) < 3
-        hello = reader.said("hello")[0]
+        hello = reader.messages_of("hello")[0]
         assert abs(hello["server_time"] - time.time()) < 60
         assert 0 <= min(frame.now - frame.columns[0][-1] for frame in frames) < 0.02  # sent at once
     with connect(url, subprotocols=PROTOCOLS, max_size=None) as connection:  # a reload
         late = StreamReader(connection)
         late.subscribe()
-        late.read(PATIENCE_S, lambda r: r.said("history_end") and all(r.live[n] for n in (late.named("Acceleration"),)))
+        late.read(
+            PATIENCE_S, lambda r: r.messages_of("history_end") and all(r.live[n] for n in (late.named("Acceleration"),))
+        )
         for number in [number for number in late.live if late.live[number]]:
             assert_whole(late, number)
         number = late.named("Acceleration")
@@ -154,7 +156,7 @@ def small_socket(running: InProcessServer) -> socket.socket:
 def test_a_page_that_draws_seldom_gets_samples_as_seldom_and_all_of_them(server: ServerProcess) -> None:
     with connect(server.url.rstrip("/").replace("http", "ws", 1) + "/ws", subprotocols=PROTOCOLS) as connection:
         reader = StreamReader(connection)
-        reader.read(PATIENCE_S, lambda reader: reader.said("channels"))
+        reader.read(PATIENCE_S, lambda reader: reader.messages_of("channels"))
         connection.send(wire_codec.encode_text(wire.Interval(10.0)))  # a tenth of a second is the longest
         reader.subscribe(0)
         reader.read(PATIENCE_S, lambda reader: any(len(live) > 20 for live in reader.live.values()))
@@ -173,7 +175,7 @@ def test_a_slow_browser_is_sent_its_losses_and_slows_no_others() -> None:
             readers = [StreamReader(slow), StreamReader(quick)]
             for reader in readers:
                 reader.subscribe(0)
-                reader.read(PATIENCE_S, lambda r: r.said("history_end"))
+                reader.read(PATIENCE_S, lambda r: r.messages_of("history_end"))
             for _ in range(60):
                 source.send(1000)  # 96 kB each
                 readers[1].read(0.0)
@@ -186,8 +188,10 @@ def test_a_slow_browser_is_sent_its_losses_and_slows_no_others() -> None:
             assert dropped[1] == 0
             assert dropped[0] > 10_000
             for reader in readers:  # both received all events
-                told = [event["text"] for text in reader.said("events") for event in text["events"]]
-                assert [text for text in told if text.isdigit()] == [str(1000 * k) for k in range(1, 61)] + ["60001"]
+                messages = [event["text"] for text in reader.messages_of("events") for event in text["events"]]
+                assert [text for text in messages if text.isdigit()] == [str(1000 * k) for k in range(1, 61)] + [
+                    "60001"
+                ]
             readers[0].read(PATIENCE_S, lambda r: _dropped(r) == dropped[0])
             assert _dropped(readers[0]) == dropped[0]  # and health agrees
 
@@ -197,7 +201,7 @@ def _end(reader: StreamReader, channel: int) -> int:
 
 
 def _dropped(reader: StreamReader) -> int:
-    return sum(device["dropped"] for text in reader.said("health")[-1:] for device in text["devices"])
+    return sum(device["dropped"] for text in reader.messages_of("health")[-1:] for device in text["devices"])
 
 
 def test_a_stalled_browser_is_disconnected() -> None:
@@ -210,7 +214,7 @@ def test_a_stalled_browser_is_disconnected() -> None:
             reader = StreamReader(alive)
             reader.subscribe(0)
             StreamReader(dead).subscribe(0)
-            reader.read(PATIENCE_S, lambda r: r.said("history_end"))
+            reader.read(PATIENCE_S, lambda r: r.messages_of("history_end"))
             end = time.monotonic() + PATIENCE_S
             while source.telemetry.clients.browsers > 1 and time.monotonic() < end:
                 source.send(2000)
@@ -238,10 +242,10 @@ def test_live_data_do_not_wait_for_history() -> None:
             reader.subscribe()
             reader.read(PATIENCE_S, lambda r: r.history[source.channel])  # the first of many
             rounds = 0  # created and removed while history was being sent
-            while not reader.said("history_end") and rounds < 1000:
+            while not reader.messages_of("history_end") and rounds < 1000:
                 source.send(10)
                 reader.read(PATIENCE_S, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
-                rounds += not reader.said("history_end")
+                rounds += not reader.messages_of("history_end")
             assert assert_whole(reader, source.channel) == 0
             assert sum(frame.n for frame in reader.history[source.channel]) == 200_000
             assert rounds >= 3

@@ -21,7 +21,7 @@ from imuscope.server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S
 from imuscope.server.concurrency.limiters import TokenBucket
 from imuscope.server.settings.config import Config
 from imuscope.server.wire import SUBPROTOCOL
-from tests.bench.support.serial_devices import Speakers, heard_in
+from tests.bench.support.serial_devices import Speakers, received_in
 from tests.support import load_clients
 from tests.support.fakes import FakeLink
 from tests.support.in_process_server import InProcessServer
@@ -68,9 +68,9 @@ def test_many_clients_lose_no_sample(tmp_path: Path) -> None:
             assert good.lost == 0
             with urllib.request.urlopen(f"{server.url}/api/devices", timeout=PATIENCE_S) as answer:
                 ids = sorted(device["id"] for device in json.load(answer))
-        heard = heard_in(sorted((tmp_path / "recordings").glob("*.mcap")))
-    for device, told in zip(ids, sent["devices"], strict=True):
-        assert heard[device] == {"bytes": told["bytes"], "crc32": told["crc32"]}, "all that was sent is there"
+        received = received_in(sorted((tmp_path / "recordings").glob("*.mcap")))
+    for device, report in zip(ids, sent["devices"], strict=True):
+        assert received[device] == {"bytes": report["bytes"], "crc32": report["crc32"]}, "all that was sent is there"
 
 
 def test_too_frequent_requests_wait() -> None:

@@ -17,7 +17,7 @@ from imuscope.server.reference.pages import ReferencePages
 from imuscope.server.services.extension import extensions
 from imuscope.server.services.services import Services
 from imuscope.server.settings.config import Config
-from tests.support.asgi_client import ask
+from tests.support.asgi_client import send_request
 from tests.support.fakes import FakeLink
 from tests.support.in_process_server import InProcessServer
 from tests.support.problems import assert_problem
@@ -115,6 +115,6 @@ def test_objects_for_requests_are_made_at_the_first(tmp_path: Path) -> None:
     application = guarded.app  # type: ignore[attr-defined]
     assert isinstance(application, Application)
     before = {part.name for part in application.services.parts}
-    assert ask(guarded, "GET", "/api/build", client="127.0.0.1").status == 200
+    assert send_request(guarded, "GET", "/api/build", client="127.0.0.1").status == 200
     made = {part.name for part in application.services.parts} - before
     assert made or not any(one.page_parts for one in extensions())

@@ -43,7 +43,7 @@ COMMANDS = arguments.parser().commands
 def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list[str]]]:
     """Possible arguments of a command: up to three positional ones, and each of its options."""
     words: list[str] = []
-    given: list[list[str]] = []
+    source: list[list[str]] = []
     left_out: set[argparse.Action] = set()
     for group in command._mutually_exclusive_groups:
         left_out |= set(group._group_actions[1:])
@@ -56,11 +56,11 @@ def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list
             known = list(action.choices) if action.choices else ["a", "b", "c"]
             words += known[: 3 if action.nargs in ("*", "+") else 1]
         elif action.nargs == 0:
-            given.append([action.option_strings[-1]])
+            source.append([action.option_strings[-1]])
         else:
             value = str(next(iter(action.choices))) if action.choices else "1"
-            given.append([action.option_strings[-1], value])
-    return words, given
+            source.append([action.option_strings[-1], value])
+    return words, source
 
 
 @pytest.fixture
@@ -77,11 +77,11 @@ def meaning_of(words: list[str]) -> str:
 @pytest.mark.usefixtures("parser_built_once")
 @each_row("name", COMMANDS)
 def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
-    words, given = arguments_of(COMMANDS[name])
-    needed = [one for one in given if any(one[0] in a.option_strings and a.required for a in COMMANDS[name]._actions)]
-    doors = [one for group in COMMANDS[name]._mutually_exclusive_groups if group.required for one in given
+    words, source = arguments_of(COMMANDS[name])
+    needed = [one for one in source if any(one[0] in a.option_strings and a.required for a in COMMANDS[name]._actions)]
+    doors = [one for group in COMMANDS[name]._mutually_exclusive_groups if group.required for one in source
              if one[0] in group._group_actions[0].option_strings]  # fmt: skip
-    for option in given:
+    for option in source:
         others = [
             word for one in needed + doors if one != option and (one in needed or option not in doors) for word in one
         ]
@@ -128,9 +128,9 @@ def test_one_word_for_one_format_option() -> None:
 @pytest.mark.usefixtures("parser_built_once")
 @each_row("name", COMMANDS)
 def test_usage_errors_are_one_line_without_a_traceback(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    words, given = arguments_of(COMMANDS[name])
+    words, source = arguments_of(COMMANDS[name])
     wrong = [[name, *words, "--no-such-option"]]
-    wrong += [[name, *words, option[0]] for option in given if len(option) > 1 and option[0] != "--foxglove"]
+    wrong += [[name, *words, option[0]] for option in source if len(option) > 1 and option[0] != "--foxglove"]
     for action in COMMANDS[name]._actions:
         if action.option_strings and (action.choices or action.type in (int, float)):
             wrong.append([name, *words, f"{action.option_strings[-1]}=wrong"])
@@ -138,10 +138,10 @@ def test_usage_errors_are_one_line_without_a_traceback(name: str, capsys: pytest
         with pytest.raises(SystemExit) as ended:
             arguments.parse(line)
         assert ended.value.code == 1, line
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1, line
-        assert said.startswith("imuscope: "), line
-        assert f"See `imuscope {name} --help`." in said
+        printed = capsys.readouterr().err
+        assert printed.count("\n") == 1, line
+        assert printed.startswith("imuscope: "), line
+        assert f"See `imuscope {name} --help`." in printed
 
 
 def secrets() -> list[DecodeOption]:
@@ -207,7 +207,7 @@ def test_an_unwritable_output_is_one_line() -> None:
 
 
 @each_row(
-    ("words", "said"),
+    ("words", "message"),
     [
         ("serve udp://:1 udp://:1", "udp://:1 is given twice"),
         ("record nofile -o q.mcap", "file not found: nofile"),
@@ -226,10 +226,10 @@ def test_an_unwritable_output_is_one_line() -> None:
         ("commands --key 00", "unrecognized arguments: --key"),
     ],
 )
-def test_messages_name_the_cause(words: str, said: str) -> None:
+def test_messages_name_the_cause(words: str, message: str) -> None:
     done = imuscope(*words.split())
     assert done.returncode == 1
-    assert said in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -246,18 +246,18 @@ def test_a_key_for_replay_is_reported_as_needless(tmp_path: Path) -> None:
 NAMES = ["inspect", "decode", "record"]
 
 
-def read_by(command: str, source: str, folder: Path, given: bytes = b"") -> str:
+def read_by(command: str, source: str, folder: Path, original: bytes = b"") -> str:
     """The frames that a command finds in a source, by its own words."""
     made = folder / f"{command}{len(list(folder.iterdir()))}.out"
     if command == "inspect":
-        done = imuscope("inspect", source, "--format", "jsonl", given=given)
+        done = imuscope("inspect", source, "--format", "jsonl", stdin=original)
         assert done.returncode == 0, done.stderr
         return str(len(done.stdout.splitlines()))
     if command == "decode":
-        done = imuscope("decode", source, "-o", str(made.with_suffix(".csv")), given=given)
+        done = imuscope("decode", source, "-o", str(made.with_suffix(".csv")), stdin=original)
         assert done.returncode == 0, done.stderr
         return str(len(Path(done.stdout.strip()).read_text().splitlines()) - 1)
-    done = imuscope("record", source, "-o", str(made.with_suffix(".mcap")), given=given)
+    done = imuscope("record", source, "-o", str(made.with_suffix(".mcap")), stdin=original)
     assert done.returncode == 0, done.stderr
     return read_by("inspect", str(made.with_suffix(".mcap")), folder)
 
@@ -284,13 +284,13 @@ def test_serve_reads_a_pipe(tmp_path: Path) -> None:
         await_device(server.url, lambda one: one["protocol"] == "idtp" and one["status"] == "ended")
 
 
-def await_device(url: str, wanted: Callable[[dict[str, Any]], bool]) -> None:
+def await_device(url: str, expected: Callable[[dict[str, Any]], bool]) -> None:
     def device() -> dict[str, Any]:
         with urllib.request.urlopen(f"{url}/api/devices") as answer:
             (one,) = json.load(answer)
         return dict(one)
 
-    block_until(lambda: wanted(device()), lambda: str(device()))
+    block_until(lambda: expected(device()), lambda: str(device()))
 
 
 def test_a_recording_comes_through_a_pipe_for_inspect(tmp_path: Path) -> None:
@@ -298,15 +298,15 @@ def test_a_recording_comes_through_a_pipe_for_inspect(tmp_path: Path) -> None:
     made = tmp_path / "a.mcap"
     assert imuscope("record", f"{tmp_path / 'a.bin'}?speed=1000", "-o", str(made)).returncode == 0
     assert read_by("inspect", "-", tmp_path, made.read_bytes()) == "40"
-    done = imuscope("inspect", "-", "--device", "x", given=frames())
+    done = imuscope("inspect", "-", "--device", "x", stdin=frames())
     assert "no devices to choose from" in done.stderr
 
 
 def test_jsonl_takes_the_protocol_that_is_named() -> None:
     line = json.dumps({"message": "GoToConfig", "fields": {}}).encode() + b"\n"
-    done = imuscope("compose", "--jsonl", "-", "--protocol", "xbus", given=line)
+    done = imuscope("compose", "--jsonl", "-", "--protocol", "xbus", stdin=line)
     assert (done.returncode, done.stdout) == (0, "faff3000d1\n")
-    done = imuscope("compose", "--jsonl", "-", given=line)
+    done = imuscope("compose", "--jsonl", "-", stdin=line)
     assert done.returncode == 1
     assert "has no protocol" in done.stderr
 
@@ -369,11 +369,11 @@ def test_decode_takes_a_part(tmp_path: Path) -> None:
     (made,) = imuscope("decode", str(capture), "-o", str(out), *part).stdout.split()
     assert "Imu3Gyr" in made
     assert 20 <= len(Path(made).read_text().splitlines()) <= 32
-    for wrong, said in (
+    for wrong, message in (
         (["--device", "9"], "has no device '9'"),
         (["--channel", "Imu3Gyrr"], "nearest are: Imu3Gyr"),
         (["--from", "70"], "that range is empty"),
     ):
         done = imuscope("decode", str(capture), "-o", str(out), *wrong)
         assert done.returncode == 1
-        assert said in done.stderr
+        assert message in done.stderr

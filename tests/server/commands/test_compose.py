@@ -52,8 +52,8 @@ def both_ways(data: bytes, path: Path, reading: DecodeOptions, **how: Any) -> No
 
 
 def _vectors(name: str) -> list[dict[str, Any]]:
-    found = json.loads((GOLDEN / name).read_text())
-    return found if isinstance(found, list) else found["vectors"]
+    document = json.loads((GOLDEN / name).read_text())
+    return document if isinstance(document, list) else document["vectors"]
 
 
 @each_row("name", ["commands.json", "data.json"])
@@ -103,7 +103,7 @@ def test_files_through_the_real_command_line(tmp_path: Path) -> None:
 def _through_the_command_line(file: Path) -> None:
     listed = imuscope("inspect", str(file), "--format", "jsonl")
     assert listed.returncode == 0, listed.stderr
-    back = imuscope("compose", "--jsonl", "-", given=listed.stdout.encode())
+    back = imuscope("compose", "--jsonl", "-", stdin=listed.stdout.encode())
     assert back.returncode == 0, back.stderr
     data = file.read_bytes()
     records = [json.loads(line) for line in listed.stdout.splitlines()]
@@ -143,8 +143,8 @@ def _arguments(row: dict[str, Any]) -> tuple[str, Sequence[str]] | None:
 
 
 def test_the_commands_of_inertial_sense_in_words() -> None:
-    asked = [(row, _arguments(row)) for row in _vectors("isb/commands.json")]
-    written = [(row, words) for row, words in asked if words]
+    requests = [(row, _arguments(row)) for row in _vectors("isb/commands.json")]
+    written = [(row, words) for row, words in requests if words]
     assert len(written) >= 36
     for row, (message, pairs) in ((row, words) for row, words in written if words):
         assert composed(message, *pairs, protocol="isb") == row["packet_hex"], row["what"]
@@ -210,7 +210,7 @@ def test_names_of_groups_stand_for_their_bits(message: str, field: str, words: s
 
 
 @each_row(
-    ("field", "words", "said"),
+    ("field", "words", "message"),
     [
         ("ioConfig", "GPS1_SOURCE", "GPS1_SOURCE needs a value, as in GPS1_SOURCE=…: DISABLE, SER0, SER1, SER2"),
         ("ioConfig", "GPS1_SOURCE=SER7", "GPS1_SOURCE is one of DISABLE, SER0, SER1, SER2, given 'SER7'"),
@@ -220,13 +220,13 @@ def test_names_of_groups_stand_for_their_bits(message: str, field: str, words: s
         ("sysCfgBits", "MAG_RECAL_MODE=9", "MAG_RECAL_MODE is one of DO_NOTHING, MULTI_AXIS, SINGLE_AXIS, given '9'"),
     ],
 )
-def test_names_that_no_group_has_are_refused_with_those_it_has(field: str, words: str, said: str) -> None:
+def test_names_that_no_group_has_are_refused_with_those_it_has(field: str, words: str, message: str) -> None:
     with pytest.raises(ComposeError) as refused:
         composed("SET_DID_FLASH_CONFIG", f"{field}={words}")
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
-def test_angles_may_be_typed_in_degrees_where_they_say_so() -> None:
+def test_angles_may_be_typed_in_degrees_where_they_state_it() -> None:
     radians = composed("SET_DID_FLASH_CONFIG", "insRotation=[0,0,1.5707963267948966]")
     assert composed("SET_DID_FLASH_CONFIG", "insRotation=[0,0,90deg]") == radians
     assert composed("SET_DID_FLASH_CONFIG", "insRotation=0, 0, 90°") == radians
@@ -246,7 +246,7 @@ def test_paths_lead_into_lists() -> None:
 
 
 @each_row(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["SetOutputConfigurationn"], "nearest are: SetOutputConfiguration"),
         (["SET_DID_FLASH_CONFIG", "startupNavDt=1"], "nearest are: startupNavDtMs"),
@@ -257,8 +257,8 @@ def test_paths_lead_into_lists() -> None:
         (["SetOutputConfiguration", "outputs.1.data_identifier=1"], "the next is outputs.0"),
     ],
 )
-def test_unknown_names_are_answered_with_the_nearest(words: list[str], said: str) -> None:
-    with pytest.raises(ComposeError, match=said):
+def test_unknown_names_are_answered_with_the_nearest(words: list[str], message: str) -> None:
+    with pytest.raises(ComposeError, match=message):
         composed(words[0], *words[1:])
 
 
@@ -267,7 +267,7 @@ def test_invalid_requests_exit_with_status_1_and_one_line() -> None:
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.count("\n") == 1
     assert "unknown message: 'NoSuchThing'" in done.stderr
-    done = imuscope("compose", "--jsonl", "-", given=b'{"protocol":"isb","message":"GET_DATA","fields":{}}\n')
+    done = imuscope("compose", "--jsonl", "-", stdin=b'{"protocol":"isb","message":"GET_DATA","fields":{}}\n')
     assert (done.returncode, done.stderr) == (1, "imuscope: line 1: id is missing.\n")
 
 

@@ -69,7 +69,7 @@ def test_a_terminated_decode_leaves_no_folder_behind(
 @each_row("suffix", [".parquet", ".mcap", ".mtb", ".bin"])
 def test_the_suffix_chooses(suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "out").mkdir()
-    kept = drive(tmp_path / "a.mcap", seconds=1.0)
+    path = drive(tmp_path / "a.mcap", seconds=1.0)
     assert main(["decode", str(tmp_path / "a.mcap"), "-o", str(tmp_path / "out" / f"run{suffix}")]) == 0
     (made,) = (tmp_path / "out").iterdir()
     assert capsys.readouterr().out.split() == [str(made)]
@@ -77,11 +77,11 @@ def test_the_suffix_chooses(suffix: str, tmp_path: Path, capsys: pytest.CaptureF
         assert made.name == "run_MTData2.parquet"
         assert pq.read_table(made).num_rows == 50
     if suffix == ".bin":
-        assert made.read_bytes() == kept
+        assert made.read_bytes() == path
     if suffix == ".mtb":
-        at = kept.index(CONFIGURATION)
-        head = kept[at : at + 123]
-        assert made.read_bytes() == head + kept[:at] + kept[at + 123 :]
+        at = path.index(CONFIGURATION)
+        head = path[at : at + 123]
+        assert made.read_bytes() == head + path[:at] + path[at + 123 :]
 
 
 def test_devices_that_share_a_line_have_a_file_each(tmp_path: Path) -> None:
@@ -95,11 +95,11 @@ def test_devices_that_share_a_line_have_a_file_each(tmp_path: Path) -> None:
     (tmp_path / "two.bin").write_bytes(data)
     (tmp_path / "out").mkdir()
     assert main(["decode", str(tmp_path / "two.bin"), "-o", str(tmp_path / "out" / "run.csv")]) == 0
-    found = []
+    results = []
     for path in sorted((tmp_path / "out").iterdir()):
         with path.open() as file:
-            found.append([int(row["PacketCounter"]) for row in csv.DictReader(file)])
-    assert sorted(found) == [list(range(100)), list(range(30_000, 30_100))]
+            results.append([int(row["PacketCounter"]) for row in csv.DictReader(file)])
+    assert sorted(results) == [list(range(100)), list(range(30_000, 30_100))]
 
 
 def test_invalid_arguments_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,10 +115,10 @@ def test_invalid_arguments_are_one_line(tmp_path: Path, capsys: pytest.CaptureFi
         ("a.mcap", "run.raw"),
     ):
         assert main(["decode", str(tmp_path / name), "-o", str(tmp_path / out)]) == 1, (name, out)
-        said = capsys.readouterr()
-        assert said.out == ""
-        assert said.err.startswith("imuscope: ")
-        assert said.err.count("\n") == 1
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert printed.err.startswith("imuscope: ")
+        assert printed.err.count("\n") == 1
     assert sorted(tmp_path.iterdir()) == before
 
 

@@ -89,8 +89,8 @@ def only(machine: Machine, status: str, about: str) -> Finding:
 
 def test_a_healthy_machine_has_no_findings(machine: Machine) -> None:
     assert wrong(machine) == []
-    told = {one.about for one in run_checks(machine)}
-    assert told >= {"/dev/ttyUSB0", "ModemManager", "data folder", "disk", "clock", "memory", "processor"}
+    subjects = {one.about for one in run_checks(machine)}
+    assert subjects >= {"/dev/ttyUSB0", "ModemManager", "data folder", "disk", "clock", "memory", "processor"}
     assert list(machine.data.iterdir()) == [], "a look leaves nothing behind"
 
 
@@ -115,13 +115,13 @@ def test_a_port_of_a_group_named(machine: Machine, monkeypatch: pytest.MonkeyPat
 def of_group(monkeypatch: pytest.MonkeyPatch, place: Path, group: int) -> None:
     stat: Callable[..., os.stat_result] = Path.stat
 
-    def told(self: Path, **how: bool) -> object:
-        found = stat(self, **how)
+    def report(self: Path, **how: bool) -> object:
+        result = stat(self, **how)
         if self != place:
-            return found
-        return SimpleNamespace(st_mode=found.st_mode, st_uid=0, st_gid=group)
+            return result
+        return SimpleNamespace(st_mode=result.st_mode, st_uid=0, st_gid=group)
 
-    monkeypatch.setattr(Path, "stat", told)
+    monkeypatch.setattr(Path, "stat", report)
 
 
 def test_a_port_that_only_root_may_open(machine: Machine) -> None:
@@ -228,8 +228,8 @@ def test_a_port_of_the_network_that_is_taken(machine: Machine) -> None:
     row = "  0: 0100007F:1F90 00000000:0000 0A 00000000:00000000 00:00000000 00000000 1000 0 31337 1\n"
     put(machine.root, "proc/net/tcp", f"sl local rem st\n{row}")
     process(machine.root, 9, "nginx", "socket:[31337]")
-    wanted = replace(machine, port=8080)
-    assert "nginx listens" in only(wanted, "warning", "port 8080").message
+    expected = replace(machine, port=8080)
+    assert "nginx listens" in only(expected, "warning", "port 8080").message
     assert wrong(replace(machine, port=8081)) == []
 
 
@@ -239,10 +239,10 @@ def test_a_numpy_on_the_python_path_is_named(tmp_path: Path) -> None:
     (tmp_path / "numpy" / "__init__.py").write_text('raise ImportError("numpy.core.multiarray failed to import")')
     for command in ("doctor", "serve", "--version"):
         words, environment = [sys.executable, "-m", "imuscope", command], os.environ | {"PYTHONPATH": str(tmp_path)}
-        said = subprocess.run(words, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
-        assert said.returncode == 1
-        assert f"numpy of {tmp_path}, which PYTHONPATH names, cannot be used: numpy.core.multi" in said.stderr
-        assert "Traceback" not in said.stderr
+        message = subprocess.run(words, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+        assert message.returncode == 1
+        assert f"numpy of {tmp_path}, which PYTHONPATH names, cannot be used: numpy.core.multi" in message.stderr
+        assert "Traceback" not in message.stderr
     own = str(Path(checks.find_spec("numpy").origin).parents[1])  # type: ignore[union-attr, arg-type]
     names = [one.about for one in checks.packages(own)]
     assert names == ["numpy", "pyarrow", "serial"]
@@ -268,9 +268,9 @@ def test_what_is_printed_and_the_exit_status() -> None:
 
 def test_on_this_machine(tmp_path: Path) -> None:
     done = imuscope("doctor", "--json", "--data", str(tmp_path))
-    found = json.loads(done.stdout)
-    assert done.returncode == int(any(one["status"] == "problem" for one in found)), done.stderr
-    assert all(set(one) == {"status", "about", "found", "todo"} for one in found)
+    document = json.loads(done.stdout)
+    assert done.returncode == int(any(one["status"] == "problem" for one in document)), done.stderr
+    assert all(set(one) == {"status", "about", "found", "todo"} for one in document)
 
 
 def test_the_files_for_the_machine() -> None:

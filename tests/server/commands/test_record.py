@@ -60,9 +60,9 @@ def test_data_received_in_time_is_in_the_file(tmp_path: Path, data: Path) -> Non
     with TcpDevice(500) as line:
         done = imuscope("record", line.source, "-o", str(path), "--duration", "1", "--data", str(data))
         assert done.returncode == 0, done.stderr
-        found = chunks(path, "rx/1")
-        assert line.sent.startswith(found)
-    assert len(found) > 10_000
+        results = chunks(path, "rx/1")
+        assert line.sent.startswith(results)
+    assert len(results) > 10_000
     assert done.stdout.startswith(f"{path}: ")
     assert " of Xsens" in done.stdout
     assert "\r" not in done.stderr  # no changing line without a terminal
@@ -85,10 +85,10 @@ def test_ended_by_hand_the_file_is_whole(tmp_path: Path, data: Path, number: sig
 
         block_until(is_flowing, "something is recorded")
         process.send_signal(number)
-        said, problem = process.communicate(timeout=PATIENCE_S)
+        message, problem = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0, problem
         assert line.sent.startswith(chunks(path, "rx/1"))
-    assert said.startswith(str(path))
+    assert message.startswith(str(path))
     with McapReader(path) as recording:
         assert recording.whole
         assert recording.chunks

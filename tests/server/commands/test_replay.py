@@ -53,18 +53,18 @@ def replaying(path: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[st
 
 def all_of(connection: socket.socket) -> bytes:
     connection.settimeout(PATIENCE_S)
-    found = b""
+    received = b""
     while data := connection.recv(65536):
-        found += data
-    return found
+        received += data
+    return received
 
 
 def test_over_tcp_the_original_bytes(tmp_path: Path) -> None:
     with replaying(recording(tmp_path, devices=1), "--tcp", "127.0.0.1:0", "--speed", "5") as (process, place):
         host, port = place.removeprefix("tcp://").split(":")
         with socket.create_connection((host, int(port))) as connection:
-            found = all_of(connection)
-        assert found == of(1)
+            result = all_of(connection)
+        assert result == of(1)
         assert process.wait(PATIENCE_S) == 0
 
 
@@ -145,7 +145,7 @@ async def test_over_udp_it_goes_on_while_the_network_is_away() -> None:
     assert Away.sent == [b"one", b"two", b"three"]
 
 
-def heard(port: int) -> bytes:
+def received_at(port: int) -> bytes:
     """Bytes received within a time; b"" if there are none or the other end has closed."""
     if not select.select([port], [], [], PATIENCE_S)[0]:
         return b""
@@ -158,12 +158,12 @@ def test_on_a_pseudo_terminal_every_byte_from_the_first(tmp_path: Path) -> None:
     with replaying(recording(tmp_path, devices=1, frames=600), "--pty", "--speed", "20") as (process, place):
         port = os.open(place, os.O_RDWR | os.O_NOCTTY)
         try:
-            found, wanted = b"", of(1, 0, 600)
-            while len(found) < len(wanted) and (piece := heard(port)):
-                found += piece
+            results, expected = b"", of(1, 0, 600)
+            while len(results) < len(expected) and (piece := received_at(port)):
+                results += piece
         finally:
             os.close(port)
-        assert found == wanted
+        assert results == expected
         assert process.wait(PATIENCE_S) == 0
 
 
@@ -177,12 +177,12 @@ def test_a_reader_that_does_not_read_holds_it_up_and_loses_nothing(tmp_path: Pat
         port = os.open(place, os.O_RDWR | os.O_NOCTTY)
         try:
             block_until(lambda: unread(port) >= MOST_UNREAD, "the terminal takes no more")
-            found, wanted = b"", of(1, 0, 600)
-            while len(found) < len(wanted) and (piece := heard(port)):
-                found += piece
+            results, expected = b"", of(1, 0, 600)
+            while len(results) < len(expected) and (piece := received_at(port)):
+                results += piece
         finally:
             os.close(port)
-        assert found == wanted
+        assert results == expected
 
 
 def test_a_loop_goes_on_until_it_is_stopped(tmp_path: Path) -> None:
@@ -190,10 +190,10 @@ def test_a_loop_goes_on_until_it_is_stopped(tmp_path: Path) -> None:
     with replaying(path, "--tcp", ":0", "--loop") as (process, place):
         with socket.create_connection(("127.0.0.1", int(place.rpartition(":")[2]))) as connection:
             connection.settimeout(PATIENCE_S)
-            found = b""
-            while len(found) < 3 * len(of(1, 0, 5)):
-                found += connection.recv(65536)
-        assert found.startswith(of(1, 0, 5) * 3)
+            data = b""
+            while len(data) < 3 * len(of(1, 0, 5)):
+                data += connection.recv(65536)
+        assert data.startswith(of(1, 0, 5) * 3)
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_S) == 0
 
@@ -216,10 +216,10 @@ def test_unplayable_files_are_one_line(tmp_path: Path, capsys: pytest.CaptureFix
         except SystemExit as end:
             status = end.code
         assert status == 1, arguments
-        said = capsys.readouterr()
-        assert words in said.err
-        assert said.err.count("\n") == 1
-        assert said.out == ""
+        printed = capsys.readouterr()
+        assert words in printed.err
+        assert printed.err.count("\n") == 1
+        assert printed.out == ""
 
 
 @each_row(

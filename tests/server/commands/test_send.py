@@ -32,9 +32,9 @@ def refused(*arguments: str) -> str:
 def test_an_mti_is_read_and_set_and_measures_again() -> None:
     [answer] = sent("sim:xbus?baud=921600", "ReqDID")
     assert answer["message"] == "DeviceID"
-    acknowledged, kept = sent("sim:xbus?baud=921600", "SetLocationID", "location_id=77")
+    acknowledged, stored = sent("sim:xbus?baud=921600", "SetLocationID", "location_id=77")
     assert acknowledged["message"] == "SetLocationIDAck"
-    assert kept == {"setting": "LocationID", "fields": {"location_id": 77}}
+    assert stored == {"setting": "LocationID", "fields": {"location_id": 77}}
 
 
 @each_row("number", [signal.SIGTERM, signal.SIGINT])
@@ -60,18 +60,18 @@ def test_a_device_measures_again_after_a_signal(number: signal.Signals) -> None:
 
 
 def test_a_field_of_an_imx_is_written_and_read_back() -> None:
-    acknowledged, kept = sent("sim:isb", "SET_DID_FLASH_CONFIG", "magDeclination=0.25")
+    acknowledged, stored = sent("sim:isb", "SET_DID_FLASH_CONFIG", "magDeclination=0.25")
     assert acknowledged == {"message": "ACK", "fields": {}}
-    assert kept["fields"]["magDeclination"] == 0.25
+    assert stored["fields"]["magDeclination"] == 0.25
 
 
 def test_one_element_of_a_vector_can_be_set() -> None:
     """The device has the others, which stay; without a device they are not known."""
     before = sent("sim:isb", "DID_FLASH_CONFIG")[0]["fields"]["refLla"]
-    [kept] = sent("sim:isb", "DID_FLASH_CONFIG", "refLla.2=50.5", "--yes")
-    assert kept["fields"]["refLla"] == [*before[:2], 50.5]
-    _, kept = sent("sim:isb", "SET_DID_FLASH_CONFIG", "refLla.1=7.25", "--yes")
-    assert kept["fields"]["refLla"] == [before[0], 7.25, before[2]]
+    [stored] = sent("sim:isb", "DID_FLASH_CONFIG", "refLla.2=50.5", "--yes")
+    assert stored["fields"]["refLla"] == [*before[:2], 50.5]
+    _, stored = sent("sim:isb", "SET_DID_FLASH_CONFIG", "refLla.1=7.25", "--yes")
+    assert stored["fields"]["refLla"] == [before[0], 7.25, before[2]]
     assert "the last is 2" in refused("sim:isb", "DID_FLASH_CONFIG", "refLla.3=1")
     done = imuscope("compose", "SET_DID_FLASH_CONFIG", "gps1AntOffset.1=0.3")
     assert done.returncode == 1
@@ -79,8 +79,8 @@ def test_one_element_of_a_vector_can_be_set() -> None:
 
 
 def test_a_setting_is_read_and_written_by_its_name() -> None:
-    [kept] = sent("sim:isb", "streams", 'streams=[{"did": "DID_INS_1", "period": 4}]')
-    assert [(row["did"], row["period"]) for row in kept["fields"]["streams"]] == [(4, 4)]
+    [stored] = sent("sim:isb", "streams", 'streams=[{"did": "DID_INS_1", "period": 4}]')
+    assert [(row["did"], row["period"]) for row in stored["fields"]["streams"]] == [(4, 4)]
     [info] = sent("sim:isb", "DID_DEV_INFO")
     assert info["fields"]["manufacturer"] == "Inertial Sense Inc"
 
@@ -99,7 +99,7 @@ def test_harmful_commands_need_confirmation() -> None:
 
 
 @each_row(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("sim:isb", "DID_SYS_CMD.MANF_CHIP_ERASE", "--yes"), "refused"),
         (("sim:isb", "DID_GPX_FLASH_CFG"), "refused"),
@@ -109,8 +109,8 @@ def test_harmful_commands_need_confirmation() -> None:
         (("sim:nothing", "ReqDID"), "Unknown simulator"),
     ],
 )
-def test_errors_are_one_line(arguments: tuple[str, ...], said: str) -> None:
-    assert said in refused(*arguments)
+def test_errors_are_one_line(arguments: tuple[str, ...], message: str) -> None:
+    assert message in refused(*arguments)
 
 
 def test_a_frame_of_idtp_is_sent_and_nothing_answers() -> None:

@@ -57,8 +57,8 @@ class TcpClient:
 
 def test_another_program_opens_it_as_a_serial_port(tmp_path: Path) -> None:
     path = tmp_path / "imu0"
-    with simulated("xbus?product=MTi-680G", "--pty", str(path), "--data", str(tmp_path)) as said:
-        assert said.startswith(f"MTi-680G at {path} (/dev/pts/")
+    with simulated("xbus?product=MTi-680G", "--pty", str(path), "--data", str(tmp_path)) as message:
+        assert message.startswith(f"MTi-680G at {path} (/dev/pts/")
         assert stat.S_ISCHR(path.stat().st_mode)
         with serial.Serial(str(path), 115_200, timeout=PATIENCE_S) as port:
             client = TcpClient(port)
@@ -89,8 +89,8 @@ def test_a_program_gets_nothing_of_what_came_before_it(tmp_path: Path) -> None:
 
 
 def test_another_program_connects_by_tcp(tmp_path: Path) -> None:
-    with simulated("isb", "--tcp", ":0", "--data", str(tmp_path)) as said:
-        host, _, port = said.split("tcp://")[1].split(",")[0].rpartition(":")
+    with simulated("isb", "--tcp", ":0", "--data", str(tmp_path)) as message:
+        host, _, port = message.split("tcp://")[1].split(",")[0].rpartition(":")
         for _ in range(2):  # one that goes leaves the device to the next
             with socket.create_connection((host, int(port)), PATIENCE_S) as client:
                 data = b""

@@ -13,18 +13,18 @@ from imuscope.server.concurrency.fair_queue import FairQueue, QueueFullError
 async def _order(queue: FairQueue, users: Sequence[str]) -> list[str]:
     """The requests in the order in which they got a slot; each holds it until all were asked."""
     served: list[str] = []
-    asked = asyncio.Event()
+    request = asyncio.Event()
 
     async def one(user: str, name: str) -> None:
         async with queue.turn(user) as turn:
             await turn.granted()
             served.append(name)
-            await asked.wait()
+            await request.wait()
 
     tasks = [asyncio.create_task(one(user, f"{user}{n}")) for n, user in enumerate(users)]
     while queue.running + queue.waiting < len(users):
         await asyncio.sleep(0)
-    asked.set()
+    request.set()
     await asyncio.gather(*tasks)
     assert (queue.running, queue.waiting) == (0, 0)
     return served

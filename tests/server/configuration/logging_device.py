@@ -70,10 +70,10 @@ class LoggingDevice:
 
     def is_harmless(self, frame: bytes) -> bool:
         name = self.desk.driver.name_of(frame)
-        asks = {row.name for row in self.desk.driver.commands(self.desk.context) if row.kind == "ask"}
+        requests = {row.name for row in self.desk.driver.commands(self.desk.context) if row.kind == "ask"}
         if name.startswith("GET_DATA") and self.family == "isb":
             return frame[12:14] == b"\0\0"
-        return name in asks or name in STATES
+        return name in requests or name in STATES
 
 
 def _wire(device: Simulator, family: str) -> PlayedWire:

@@ -19,7 +19,7 @@ DESK = cast(
 
 
 @each_row(
-    ("command", "given", "sent"),
+    ("command", "case", "sent"),
     [
         ("ASCE", {}, {"options": 0, "messages": []}),
         ("GET_DID_INS_1", {"period": 5}, {"size": 0, "offset": 0, "period": 5}),
@@ -27,16 +27,16 @@ DESK = cast(
     ],
 )
 def test_arguments_that_are_left_out_have_their_defaults(
-    command: str, given: dict[str, Any], sent: dict[str, Any]
+    command: str, case: dict[str, Any], sent: dict[str, Any]
 ) -> None:
     """These were refused with "is missing", though the fields have defaults and the command line fills them in."""
-    values = plan_command(DESK, command, given).values[command]
+    values = plan_command(DESK, command, case).values[command]
     assert {name: list(one) if isinstance(one, tuple) else one for name, one in values.items()} == sent
     assert IsbDriver().frame(command, values, DeviceContext())
 
 
 @each_row(
-    ("command", "given"),
+    ("command", "case"),
     [
         ("DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES", {}),
         ("DID_SYS_CMD.SAVE_FLASH", {}),
@@ -47,7 +47,7 @@ def test_arguments_that_are_left_out_have_their_defaults(
         ("SET_DID_RMC", {"bits": 0, "options": 1 << 9}),
     ],
 )
-def test_what_writes_the_flash_memory_asks(command: str, given: dict[str, Any]) -> None:
+def test_what_writes_the_flash_memory_needs_confirmation(command: str, case: dict[str, Any]) -> None:
     """The guide promised it, and these ran at once."""
     assert any("flash" in risk.consequence or "every restart" in risk.consequence or "number" in risk.consequence
-               for risk in plan_command(DESK, command, given).risks)  # fmt: skip
+               for risk in plan_command(DESK, command, case).risks)  # fmt: skip

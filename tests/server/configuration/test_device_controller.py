@@ -133,12 +133,12 @@ async def test_a_full_queue_is_reported(tmp_path: Path) -> None:
 async def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
     """Regression: a device that does not measure because it is being configured was shown as lost."""
     async with house_of("sim:xbus?baud=9600&rate=20", tmp_path) as (here, desk):
-        seen: set[str] = set()
+        visited: set[str] = set()
         task = desk.add("Read", partial(here.desks.jobs.read, names=None, reason=""))
         while not task.finished.is_set():
-            seen.add(desk.member.info.status)
+            visited.add(desk.member.info.status)
             await asyncio.sleep(0.02)
-        assert seen == {"live"}
+        assert visited == {"live"}
 
 
 async def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None:
@@ -146,15 +146,15 @@ async def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None
         await here.apply(desk, {"LocationID": {"location_id": 3}})
         entries = desk.log.tail(limit=500)
         at = next(place for place, one in enumerate(entries) if one.name == "SetLocationID")
-        asked, answered = entries[at], entries[at + 1]
-        assert (asked.direction, asked.hex, asked.text) == ("tx", "faff8402000378", "location_id 3")
+        request, answered = entries[at], entries[at + 1]
+        assert (request.direction, request.hex, request.text) == ("tx", "faff8402000378", "location_id 3")
         assert (answered.direction, answered.name) == ("rx", "SetLocationIDAck")
         assert answered.hex.startswith("faff85")
         assert answered.ms is not None
         assert 0 <= answered.ms < 500
         assert [one.seq for one in entries] == sorted(one.seq for one in entries)
-        told = [event for event in here.telemetry.log if event.kind == "command"]
-        assert "SetLocationID" in [event.data["message"] for event in told]
+        messages = [event for event in here.telemetry.log if event.kind == "command"]
+        assert "SetLocationID" in [event.data["message"] for event in messages]
 
 
 async def test_a_stubborn_device_is_not_reset_by_a_read(tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ class ControlWire:
         self.linked: list[int | None] = []
         self.refuses = self.is_busy = False
         self.written_ns: int | None = None
-        self._hear: Any = None
+        self._receive: Any = None
 
     async def send(self, data: bytes) -> int | None:
         self.sent.append(data)
@@ -190,14 +190,14 @@ class ControlWire:
         self.linked.append(baud)
 
     def listen(self, callback: Any) -> Any:
-        self._hear = callback
+        self._receive = callback
         return lambda: None
 
     def decode(self) -> None:
         return
 
-    def say(self, word: Any) -> None:
-        self._hear(word)
+    def deliver(self, word: Any) -> None:
+        self._receive(word)
 
 
 class Ear:
@@ -219,26 +219,26 @@ class Ear:
 async def test_an_answer_that_comes_before_it_is_waited_for_is_not_lost() -> None:
     wire = ControlWire()
 
-    def ask() -> Any:
+    def request() -> Any:
         yield Send(b"?")
-        wire.say("answer")
+        wire.deliver("answer")
         return (yield WaitFor(lambda event: event, 1))
 
-    assert await Runner(wire, Ear()).run(ask()) == "answer"
+    assert await Runner(wire, Ear()).run(request()) == "answer"
 
 
 async def test_a_request_is_logged_when_it_is_written_and_not_if_it_is_refused() -> None:
     """It was logged before it waited for another program, also when it never reached the device."""
     wire, ear = ControlWire(), Ear()
 
-    def ask() -> Any:
+    def request() -> Any:
         yield Send(b"?")
 
     wire.written_ns = 42
-    await Runner(wire, ear).run(ask())
+    await Runner(wire, ear).run(request())
     wire.is_busy = True
     with pytest.raises(LinkError):
-        await Runner(wire, ear).run(ask())
+        await Runner(wire, ear).run(request())
     assert ear.written == [(b"?", 42)]
     assert ear.notes == ["A request was not sent: The client a driver is configuring the device."]
 
@@ -246,37 +246,37 @@ async def test_a_request_is_logged_when_it_is_written_and_not_if_it_is_refused()
 async def test_a_late_answer_is_not_taken_for_that_of_the_next_request() -> None:
     wire = ControlWire()
 
-    def ask() -> Any:
+    def request() -> Any:
         yield Send(b"1")
         yield Sleep(0)
-        wire.say("late")
+        wire.deliver("late")
         yield Send(b"2")
         return (yield WaitFor(lambda event: event, 0.01))
 
-    assert await Runner(wire, Ear()).run(ask()) is None
+    assert await Runner(wire, Ear()).run(request()) is None
 
 
 async def test_an_unavailable_rate_is_reported_and_logged() -> None:
     wire, ear = ControlWire(), Ear()
     wire.refuses = True
 
-    def ask() -> Any:
+    def request() -> Any:
         return (yield ReopenLink(921_600))
 
-    assert await Runner(wire, ear).run(ask()) is False
+    assert await Runner(wire, ear).run(request()) is False
     assert ear.notes == ["The link could not be opened at 921 600 Bd: No such rate."]
 
 
 async def test_a_cancelled_runner_sends_its_final_messages() -> None:
     wire = ControlWire()
 
-    def ask() -> Any:
+    def request() -> Any:
         try:
             yield WaitFor(lambda event: None, 60)
         finally:
             yield Send(b"measure")
 
-    task = asyncio.create_task(Runner(wire, Ear()).run(ask()))
+    task = asyncio.create_task(Runner(wire, Ear()).run(request()))
     await asyncio.sleep(0.01)
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
@@ -294,8 +294,8 @@ async def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_p
         job = await here.apply(desk, {"DID_FLASH_CONFIG": {"gnssCn0Minimum": 21, "dynamicModel": 8}})
         assert (job.state, job.outcomes) == ("done", [])
         now = dict(desk.values["DID_FLASH_CONFIG"])
-        told = ("checksum", "key")
-        changed = {name for name in now if now[name] != before[name] and name not in told}
+        messages = ("checksum", "key")
+        changed = {name for name in now if now[name] != before[name] and name not in messages}
         assert changed == {"gnssCn0Minimum", "dynamicModel"}
         frames = [bytes.fromhex(entry.hex) for entry in sent(desk) if entry.name.startswith("SET_DID_FLASH_CONFIG")]
         assert frames
@@ -304,12 +304,12 @@ async def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_p
         await until(lambda: any(pause in event.text for event in here.telemetry.log), "the pause is told")
 
 
-async def test_a_value_that_changes_beside_the_written_one_is_told_before_and_after(tmp_path: Path) -> None:
+async def test_a_value_that_changes_beside_the_written_one_is_reported_before_and_after(tmp_path: Path) -> None:
     """A navigation period of 5 ms made the sampling period 5 ms, too, without a word."""
     async with house_of("sim:isb?rate=100", tmp_path, is_read=True) as (here, desk):
         changes = {"DID_FLASH_CONFIG": {"startupNavDtMs": 5}}
-        told = [risk.consequence for risk in plan_changes(desk, changes).risks]
-        assert any("sampling period of 10 ms" in text and "shortens it to 5 ms" in text for text in told)
+        messages = [risk.consequence for risk in plan_changes(desk, changes).risks]
+        assert any("sampling period of 10 ms" in text and "shortens it to 5 ms" in text for text in messages)
         job = await here.apply(desk, changes)
         assert (job.state, job.outcomes) == ("done", [])
         also = job.message.partition("Also changed: ")[2]

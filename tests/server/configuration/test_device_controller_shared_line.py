@@ -83,8 +83,8 @@ async def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
 async def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path: Path) -> None:
     async with house(tmp_path) as here:
         desks = await both(here)
-        said: list[str] = []
-        here.telemetry.bus.events.subscribe(lambda event: said.append(f"{event.kind} {event.text}"))
+        texts: list[str] = []
+        here.telemetry.bus.events.subscribe(lambda event: texts.append(f"{event.kind} {event.text}"))
 
         async def wait(task: Any) -> None:
             await asyncio.sleep(0)
@@ -187,8 +187,8 @@ def test_a_device_under_its_identifier_accepts_nothing_else() -> None:
         play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), wire)
     known = DeviceContext(device="7")
     assert play(DRIVER.within(DRIVER.read("LocationID", known), known), wire) == {"location_id": 0}
-    told = play(DRIVER.identify(known), wire)
-    assert (told.product, told.device) == ("MTi-630-8A1G6", "7")
+    report = play(DRIVER.identify(known), wire)
+    assert (report.product, report.device) == ("MTi-630-8A1G6", "7")
     wire.sent.clear()
     play(DRIVER.store_and_restart(known), wire)
     assert play(DRIVER.is_alive(known), wire)
@@ -222,11 +222,11 @@ def test_every_device_of_a_simulated_line_has_its_own_counter() -> None:
 def test_a_script_names_one_device_of_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["send", SOURCE, "ReqDID"]) == 1
     assert "the line is shared by the bus identifiers 1, 2; choose one with --device" in capsys.readouterr().err
-    told = []
+    messages = []
     for device in ("1", "2"):
         assert main(["send", SOURCE, "ReqDID", "--device", device]) == 0
-        told.append(json.loads(capsys.readouterr().out)["fields"]["device_id"])
-    assert len(set(told)) == 2
+        messages.append(json.loads(capsys.readouterr().out)["fields"]["device_id"])
+    assert len(set(messages)) == 2
 
 
 @each_row("device", ["0", "256", "x"])
@@ -342,5 +342,7 @@ def test_recorded_settings_are_of_the_device_with_their_address(tmp_path: Path) 
             writer.chunk("1", "rx", frame, 1_760_000_000_000_000_000 + k * 10_000_000)
     writer.close()
     store = decode(McapSource(path), tmp_path / "store", all_protocols())
-    told = {device: body["values"]["LocationID"]["location_id"] for device, body in store.manifest["snapshots"].items()}
-    assert told == {"1": 2, "1.1": 1}
+    details = {
+        device: body["values"]["LocationID"]["location_id"] for device, body in store.manifest["snapshots"].items()
+    }
+    assert details == {"1": 2, "1.1": 1}

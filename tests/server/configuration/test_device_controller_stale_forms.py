@@ -58,8 +58,8 @@ async def test_values_changed_by_a_command_are_marked_stale_if_unreadable(tmp_pa
         assert "LocationID" not in desk.values
         assert desk.missing["LocationID"] == "not read since “Send 7 bytes”"
         assert "OutputConfiguration" in desk.values
-        asked = desk.driver.frame("ReqDID", {}, desk.context)
-        await over(desk.add("Ask", partial(here.desks.jobs.raw, data=asked)))
+        request = desk.driver.frame("ReqDID", {}, desk.context)
+        await over(desk.add("Ask", partial(here.desks.jobs.raw, data=request)))
         assert "OutputConfiguration" in desk.values
         await over(desk.add("Send 2 bytes", partial(here.desks.jobs.raw, data=b"\x00\x01")))
         assert not desk.values
@@ -113,9 +113,9 @@ def test_settings_changed_by_a_command(protocol: str, name: str, values: dict[st
     driver = PROTOCOLS[protocol].configuration.driver
     known = DeviceContext(product="IMX-5" if protocol == "isb" else "MTi-630")
     assert name in {row.name for row in driver.commands(known)}
-    found = set(driver.alters(name, values, known))
-    assert found <= {row.name for row in driver.settings(known)}
-    assert (some <= found) if some else not found
+    results = set(driver.alters(name, values, known))
+    assert results <= {row.name for row in driver.settings(known)}
+    assert (some <= results) if some else not results
 
 
 @each_row(

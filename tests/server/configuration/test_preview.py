@@ -94,7 +94,7 @@ def test_a_fit_of_anything_is_a_fit_or_refused(values: Any, baud: int | None) ->
     assert answer.load.total >= 0
 
 
-def test_a_fit_says_what_it_lowered() -> None:
+def test_a_fit_states_what_it_lowered() -> None:
     answer = fit(XBUS, "OutputConfiguration", outputs(400), None)
     assert answer.load.total <= 11_520
     assert [line.split(" ")[0] for line in answer.words] == ["Quaternion", "Acceleration"]
@@ -137,8 +137,8 @@ def test_the_editor_follows_from_the_type(field: Field, editor: str) -> None:
 def test_numbers_that_javascript_cannot_hold_come_back_from_text() -> None:
     each = Field("each", shape=(-1,), fields=(Field("n", "u8"),))
     fields = (Field("bits", "<u8"), Field("name", "ascii", (8,)), each)
-    given_ = {"bits": "18446744073709551615", "name": "12", "each": [{"n": "3"}], "other": "4"}
-    assert numbers(fields, given_) == {"bits": 2**64 - 1, "name": "12", "each": [{"n": 3}], "other": "4"}
+    source = {"bits": "18446744073709551615", "name": "12", "each": [{"n": "3"}], "other": "4"}
+    assert numbers(fields, source) == {"bits": 2**64 - 1, "name": "12", "each": [{"n": 3}], "other": "4"}
 
 
 def test_values_have_display_text() -> None:

@@ -41,14 +41,14 @@ def test_what_a_product_lacks_is_refused_before_it_is_written() -> None:
         DeviceContext(product="MTi-630"),
         (ComparedValues("Now", here | listed), ComparedValues("Profile", there)),
     )
-    found = compare(XbusDriver(), known, *sides)
-    refused = {row.path: row.why for row in found.rows if row.why}
+    results = compare(XbusDriver(), known, *sides)
+    refused = {row.path: row.why for row in results.rows if row.why}
     assert set(refused) == {"outputs.0x7010", "profile"}
     assert "MTi-630 has no" in refused["outputs.0x7010"]
     assert refused["profile"] == "The device lists Responsive, VRU."
-    assert not any(row.take or row.writable for row in found.rows if row.why)
-    assert "FilterProfile" not in found.changes
-    assert {one["data_identifier"] for one in found.changes["OutputConfiguration"]["outputs"]} == {
+    assert not any(row.take or row.writable for row in results.rows if row.why)
+    assert "FilterProfile" not in results.changes
+    assert {one["data_identifier"] for one in results.changes["OutputConfiguration"]["outputs"]} == {
         0x1020,
         0x1060,
         0x4020,
@@ -109,9 +109,9 @@ async def test_a_change_by_another_user_is_not_undone_silently(tmp_path: Path) -
     async with house(tmp_path) as there:
         desk = await there.add("sim:xbus?rate=20")
         await there.read(desk)
-        seen = {"OutputConfiguration": desk.values["OutputConfiguration"]}
+        counts = {"OutputConfiguration": desk.values["OutputConfiguration"]}
         assert (await there.apply(desk, {"OutputConfiguration": outputs(50)})).state == "done"
-        late = partial(there.desks.jobs.apply, changes={"OutputConfiguration": outputs(10)}, reason="", base=seen)
+        late = partial(there.desks.jobs.apply, changes={"OutputConfiguration": outputs(10)}, reason="", base=counts)
         task = desk.add("Write", late)
         await task.finished.wait()
         assert task.job.state == "failed"
@@ -143,25 +143,25 @@ def test_file_errors_are_reported_before_applying() -> None:
         "LocationID": {"location": 1},
         "LatLonAlt": {**position, "latitude": 99.0},
     }
-    found = compare(
+    results = compare(
         XbusDriver(), DeviceContext(product="MTi-630"), ComparedValues("Now", present), ComparedValues("File", wrong)
     )
-    said = {problem.path: problem.hint for problem in found.problems}
-    assert said["LocationId"] == "Did you mean LocationID?"
-    assert said["LocationID.location"] == "Did you mean location_id?"
-    assert "LatLonAlt.latitude" in said
-    assert found.changes == found.profile == {}
+    texts = {problem.path: problem.hint for problem in results.problems}
+    assert texts["LocationId"] == "Did you mean LocationID?"
+    assert texts["LocationID.location"] == "Did you mean location_id?"
+    assert "LatLonAlt.latitude" in texts
+    assert results.changes == results.profile == {}
 
 
 def test_a_profile_holds_all_that_can_be_written_not_only_what_differs() -> None:
     """Only what differed on the selected device was sent to the others, so they kept the rest of what they had."""
     left = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(50)}
     right = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(100)}
-    found = compare(
+    result = compare(
         XbusDriver(), DeviceContext(product="MTi-630"), ComparedValues("Now", left), ComparedValues("Profile", right)
     )
-    assert set(found.changes) == {"OutputConfiguration"}
-    assert found.profile == right
+    assert set(result.changes) == {"OutputConfiguration"}
+    assert result.profile == right
 
 
 def test_a_setting_of_another_product_is_not_an_error() -> None:

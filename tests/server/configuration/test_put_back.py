@@ -308,7 +308,7 @@ async def test_a_device_that_a_kill_stopped_on_a_port_without_a_rate_measures_ag
         assert any(WAITING in one.outcome for one in session.info.attempts)  # why it was silent
 
 
-async def test_a_device_that_does_not_confirm_is_not_said_to_be_back(
+async def test_a_device_that_does_not_confirm_is_not_reported_to_be_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whatever arrived counted as its answer, so it was said to be back, and was left silent."""

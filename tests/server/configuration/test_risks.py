@@ -48,12 +48,12 @@ OLD: dict[str, Any] = {
 )
 def test_a_configuration_is_never_written_without_confirmation(values: dict[str, Any], cautions: set[str]) -> None:
     row = next(row for row in DRIVER.settings(KNOWN) if row.name == "DID_FLASH_CONFIG")
-    found = dangers_of_write(DRIVER, row, OLD, values, KNOWN)
-    assert {one.caution for one in found} == cautions
-    assert all(one.consequence for one in found)
+    results = dangers_of_write(DRIVER, row, OLD, values, KNOWN)
+    assert {one.caution for one in results} == cautions
+    assert all(one.consequence for one in results)
 
 
-def test_a_port_that_may_be_ours_is_looked_for_at_every_rate() -> None:
+def test_a_port_that_may_be_ours_is_searched_for_at_every_rate() -> None:
     """Regression: if one of two ports with our rate changed, or both changed differently, only the old
     rate was tried.
     """
@@ -106,7 +106,7 @@ async def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Pat
         ("SET_DID_RMC", ["bits=0", "options=0"], "streams"),
     ],
 )
-def test_the_command_line_asks_for_confirmation_where_the_page_does(message: str, pairs: list[str], words: str) -> None:
+def test_the_command_line_requires_confirmation_where_the_page_does(message: str, pairs: list[str], words: str) -> None:
     """Regression: changes that cut the line or turn the frame were sent without the confirmation
     described in the help.
     """

@@ -85,10 +85,10 @@ async def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow
             plan_changes(desk, back)
         first = next(iter(here.desks.snapshots.describe("isb", desk.serial_number)))
         now = ComparedValues("now", desk.values)
-        for told in (True, False):
-            found = compare(desk.driver, desk.context, now, ComparedValues("before", first, from_device=told))
-            assert bool(found.changes) == told
-            assert bool(found.problems) != told
+        for report in (True, False):
+            result = compare(desk.driver, desk.context, now, ComparedValues("before", first, from_device=report))
+            assert bool(result.changes) == report
+            assert bool(result.problems) != report
         wish = plan_changes(desk, back, lambda: here.desks.snapshots.describe("isb", desk.serial_number))
         job = await over(
             desk.add("Write", partial(here.desks.jobs.apply, changes=wish.values, reason="", held=wish.current))

@@ -88,12 +88,12 @@ async def test_values_of_the_sensor_that_is_gone_are_not_shown_as_those_of_the_n
         assert list(desk.values) == ["FilterProfile"]
 
 
-async def test_a_command_asks_while_it_is_not_known_which_sensor_is_there(tmp_path: Path) -> None:
+async def test_a_command_needs_confirmation_while_it_is_not_known_which_sensor_is_there(tmp_path: Path) -> None:
     async with swapped(tmp_path) as (_, desk):
-        with pytest.raises(DomainError) as asked:
+        with pytest.raises(DomainError) as error:
             confirmed(doubts(desk, OLD), is_confirmed=False)
-        assert asked.value.kind == "confirm"
-        assert f"it is not known whether this is still {OLD}" in asked.value.message
+        assert error.value.kind == "confirm"
+        assert f"it is not known whether this is still {OLD}" in error.value.message
         assert doubts(desk, "") == []  # asked for whatever is at this port
 
 

@@ -26,10 +26,10 @@ async def test_temperatures_and_up_time_are_no_differences(tmp_path: Path) -> No
         await asyncio.sleep(0.02)
         await here.read(desk)
         assert first.values["DID_SYS_PARAMS"] != desk.values["DID_SYS_PARAMS"]
-        found = compare(desk.driver, desk.context, ComparedValues("Now", desk.values), first)
-        assert found.rows == []
-        assert found.same > 50
-        assert "DID_SYS_PARAMS" not in {*found.missing, *found.profile, *found.changes}
+        results = compare(desk.driver, desk.context, ComparedValues("Now", desk.values), first)
+        assert results.rows == []
+        assert results.same > 50
+        assert "DID_SYS_PARAMS" not in {*results.missing, *results.profile, *results.changes}
 
 
 def test_a_profile_saved_during_a_calibration_does_not_start_one() -> None:
@@ -39,11 +39,11 @@ def test_a_profile_saved_during_a_calibration_does_not_start_one() -> None:
     rest |= {"DID_SURVEY_IN": {"state": 0, "maxDurationSec": 60, "minAccuracy": 1.0}}
     busy = {"DID_MAG_CAL": {"state": 1, "progress": 7.0, "declination": 0.1}}
     busy |= {"DID_SURVEY_IN": {"state": 2, "maxDurationSec": 90, "minAccuracy": 1.0}}
-    found = compare(driver, IMX, ComparedValues("Now", rest), ComparedValues("Profile", busy))
-    assert found.changes == {"DID_SURVEY_IN": {"maxDurationSec": 90}}
-    assert [row.path for row in found.rows] == ["maxDurationSec"]
-    assert "DID_MAG_CAL" not in found.profile
-    assert "state" not in found.profile["DID_SURVEY_IN"]
+    results = compare(driver, IMX, ComparedValues("Now", rest), ComparedValues("Profile", busy))
+    assert results.changes == {"DID_SURVEY_IN": {"maxDurationSec": 90}}
+    assert [row.path for row in results.rows] == ["maxDurationSec"]
+    assert "DID_MAG_CAL" not in results.profile
+    assert "state" not in results.profile["DID_SURVEY_IN"]
 
 
 async def test_unknown_factory_settings_are_not_compared(tmp_path: Path) -> None:
@@ -82,14 +82,14 @@ def test_streams_were_compared_by_their_place_in_the_list() -> None:
     }
     there = {"streams": streams((5, 2, 20.0), (4, 1, 20.0))}
     there |= {"DID_NMEA_BCAST_PERIOD": {"nmeaBroadcastMsgs": [{"msgID": 7, "msgPeriod": 1}]}}
-    found = compare(driver, IMX, ComparedValues("Now", here), ComparedValues("Profile", there))
-    assert [(row.title, row.left, row.right) for row in found.rows] == [
+    results = compare(driver, IMX, ComparedValues("Now", here), ComparedValues("Profile", there))
+    assert [(row.title, row.left, row.right) for row in results.rows] == [
         ("IMU", "50 Hz", "off"),
         ("INS 2", "50 Hz", "25 Hz"),
         ("NMEA PGPSP", "1 in 5", "off"),
         ("NMEA GNGGA", "off", "at the rate of its source"),
     ]
-    assert found.changes == there
+    assert results.changes == there
 
 
 def test_single_differences_are_taken_or_left() -> None:
@@ -112,9 +112,9 @@ def test_single_differences_are_taken_or_left() -> None:
     left_out = {"streams/streams.0x003A", "streams/streams.0x0005"}
     left_out |= {"DID_SURVEY_IN/minAccuracy", "DID_EVB_FLASH_CFG/wifi.1.ssid"}
     assert left_out < keys
-    found = compare(driver, IMX, *sides, dict.fromkeys(left_out, False))
-    assert {row.key for row in found.rows if not row.take} == left_out
-    assert found.changes == {
+    results = compare(driver, IMX, *sides, dict.fromkeys(left_out, False))
+    assert {row.key for row in results.rows if not row.take} == left_out
+    assert results.changes == {
         "streams": streams((4, 1, 20.0), (58, 1, 20.0), (5, 1, 20.0)),
         "DID_SURVEY_IN": {"maxDurationSec": 90},
         "DID_EVB_FLASH_CFG": {"wifi": [wifi[3], wifi[1], wifi[5]]},

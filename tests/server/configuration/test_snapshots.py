@@ -104,8 +104,8 @@ def test_invalid_text_is_refused_with_a_reason(text: str, words: str) -> None:
         from_text(text)
 
 
-def keep(folder: Snapshots, title: str, taken: float = 1.0, **more: Any) -> str:
-    return folder.save(Snapshot("xbus", "MTi-630", "0080", title=title, taken=taken, **more), ROWS).name
+def keep(folder: Snapshots, title: str, batch: float = 1.0, **more: Any) -> str:
+    return folder.save(Snapshot("xbus", "MTi-630", "0080", title=title, taken=batch, **more), ROWS).name
 
 
 def test_snapshots_are_listed_by_serial_number_newest_first(tmp_path: Path) -> None:
@@ -121,8 +121,8 @@ def test_snapshots_are_listed_by_serial_number_newest_first(tmp_path: Path) -> N
 def test_the_oldest_unpinned_snapshots_are_deleted(tmp_path: Path) -> None:
     folder = Snapshots(tmp_path, max_files=MAX_FILES)
     first = keep(folder, "First contact", 0.0, pinned=True)
-    for taken in range(1, MAX_FILES + 3):
-        keep(folder, "Before this change", float(taken))
+    for batch in range(1, MAX_FILES + 3):
+        keep(folder, "Before this change", float(batch))
     names = [info.name for info in folder.all("xbus", "0080")]
     assert len(names) == MAX_FILES
     assert first in names
@@ -152,24 +152,24 @@ def test_outputs_are_compared_by_quantity_whatever_their_order() -> None:
     both = [{"data_identifier": one, "output_frequency": 100} for one in (0x4020, 0x8020)]
     left = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 400}, *both]}
     right = {"outputs": [*reversed(both), {"data_identifier": 0x2015, "output_frequency": 100}]}
-    found = difference({"OutputConfiguration": left}, {"OutputConfiguration": right})
-    assert [(row.title, row.left, row.right) for row in found.rows] == [
+    results = difference({"OutputConfiguration": left}, {"OutputConfiguration": right})
+    assert [(row.title, row.left, row.right) for row in results.rows] == [
         ("Quaternion", "400 Hz", "100 Hz, Fp12.20, NED")
     ]
-    assert found.same == 2
-    assert found.changes == {"OutputConfiguration": right}
+    assert results.same == 2
+    assert results.changes == {"OutputConfiguration": right}
 
 
 def test_missing_values_of_a_side_have_a_reason() -> None:
-    found = difference({"LocationID": {"location_id": 1}, "CanConfig": {"word": 12}}, {})
-    assert found.rows == []
-    assert found.missing == {"LocationID": f"Right: {NO_DEFAULT}", "CanConfig": "Right: message unknown"}
+    result = difference({"LocationID": {"location_id": 1}, "CanConfig": {"word": 12}}, {})
+    assert result.rows == []
+    assert result.missing == {"LocationID": f"Right: {NO_DEFAULT}", "CanConfig": "Right: message unknown"}
 
 
 def test_read_only_values_are_compared_but_not_written() -> None:
-    found = difference({"ProductCode": {"product_code": "A"}}, {"ProductCode": {"product_code": "B"}})
-    assert [(row.left, row.right, row.writable) for row in found.rows] == [("A", "B", False)]
-    assert found.changes == {}
+    results = difference({"ProductCode": {"product_code": "A"}}, {"ProductCode": {"product_code": "B"}})
+    assert [(row.left, row.right, row.writable) for row in results.rows] == [("A", "B", False)]
+    assert results.changes == {}
 
 
 def test_a_value_has_its_meaning_and_unit() -> None:
@@ -183,10 +183,10 @@ def test_names_with_points_are_written_too() -> None:
     left = {"wheelConfig.radius": 0.1, "wheelConfig.transform.t_b2w": [0.0, 0.0, 1.0], "startupNavDtMs": 4}
     right = {"wheelConfig.radius": 0.2, "wheelConfig.transform.t_b2w": [0.0, 0.5, 1.0], "startupNavDtMs": 4}
     sides = (ComparedValues(name, {"DID_FLASH_CONFIG": one}) for name, one in (("Left", left), ("Right", right)))
-    found = compare(IsbDriver(), DeviceContext(), *sides)
-    assert [row.path for row in found.rows] == ["wheelConfig.transform.t_b2w", "wheelConfig.radius"]
+    results = compare(IsbDriver(), DeviceContext(), *sides)
+    assert [row.path for row in results.rows] == ["wheelConfig.transform.t_b2w", "wheelConfig.radius"]
     changed = {name: right[name] for name in ("wheelConfig.transform.t_b2w", "wheelConfig.radius")}
-    assert found.changes == {"DID_FLASH_CONFIG": changed}
+    assert results.changes == {"DID_FLASH_CONFIG": changed}
     fields = settings_of()["DID_FLASH_CONFIG"].fields
     for path, value in (("wheelConfig.radius", 0.2), ("wheelConfig.transform.t_b2w.1", 0.5)):
         at = field_at(fields, path)
@@ -203,13 +203,13 @@ def test_an_unreadable_snapshot_is_listed_with_the_reason_and_never_deleted(tmp_
     later = next(tmp_path.rglob("*.yaml")).with_name("19700102T000000Z-new-mast.yaml")
     later.write_text("imuscope: 7\ntitle: New mast\n", encoding="utf-8")
     later.with_name("torn.yaml").write_bytes(b"\xff\xfe")
-    found = {info.name: info for info in folder.all("xbus", "0080")}
-    newest = found[later.stem]
+    results = {info.name: info for info in folder.all("xbus", "0080")}
+    newest = results[later.stem]
     assert (newest.title, newest.taken, newest.readable) == ("New mast", 86400.0, False)
     assert "newer imuscope" in newest.reason
     assert "Update imuscope" in newest.reason
-    assert "not text" in found["torn"].reason
-    assert [info.readable for info in found.values()].count(True) == 1
+    assert "not text" in results["torn"].reason
+    assert [info.readable for info in results.values()].count(True) == 1
     for second in range(MAX_FILES + 2):
         keep(folder, "Loose", 10.0 + second)
     assert later.exists()
@@ -223,7 +223,7 @@ def test_a_snapshot_under_a_misread_serial_number_is_found(tmp_path: Path) -> No
     driver = XbusDriver()
     now = Snapshots(tmp_path, lambda protocol, number: driver.formerly(number))
     now.save(Snapshot("xbus", "MTi-680G", "0080ABCDEF", title="now", taken=2.0), ROWS)
-    found = now.all("xbus", "0080ABCDEF")
-    assert {info.title for info in found} == {"after reading", "first contact", "now"}
-    for info in found:
+    results = now.all("xbus", "0080ABCDEF")
+    assert {info.title for info in results} == {"after reading", "first contact", "now"}
+    for info in results:
         assert now.get("xbus", "0080ABCDEF", info.name).title == info.title

@@ -49,8 +49,8 @@ def test_an_answer_has_its_time_since_the_request_and_its_bytes() -> None:
     one.on_received(event)
     one.matched(event)
     one.flush()
-    asked, answered = one.tail()
-    assert (asked.direction, asked.name, asked.hex) == ("tx", "GoToConfig", "faff3000d1")
+    request, answered = one.tail()
+    assert (request.direction, request.name, request.hex) == ("tx", "GoToConfig", "faff3000d1")
     assert (answered.direction, answered.name, answered.hex) == ("rx", "GoToConfigAck", "faff3100d0")
     assert answered.ms is not None
     assert round(answered.ms) == 17
@@ -66,8 +66,8 @@ def test_a_request_has_the_time_at_which_it_was_written() -> None:
     one.on_received(event)
     one.matched(event)
     one.flush()
-    asked, answered = one.tail()
-    assert asked.time == written_ns / 1e9
+    request, answered = one.tail()
+    assert request.time == written_ns / 1e9
     assert answered.ms is not None
     assert round(answered.ms) == 17
 
@@ -144,7 +144,7 @@ def test_values_are_short() -> None:
     assert values_text(ids) == "master_device_id 0080003A, device_id 8010EC5D1D000F"
 
 
-def test_a_frame_of_a_client_has_the_time_at_which_it_was_sent_not_at_which_it_was_told() -> None:
+def test_a_frame_of_a_client_has_the_time_at_which_it_was_sent_not_at_which_it_was_reported() -> None:
     clock = FakeClock()
     one = log(clock, build(0x31))
     sent = clock.ns / 1e9

@@ -54,7 +54,7 @@ def outer() -> Generator[Any, Any, str]:
     return result
 
 
-def test_a_running_transaction_says_where_it_is(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_running_transaction_states_where_it_is(caplog: pytest.LogCaptureFixture) -> None:
     async def play() -> None:
         runner = Runner(SilentPort(), NullLog())
         assert repr(runner) == "<Runner: idle>"

@@ -34,7 +34,7 @@ def records(fields: tuple[Field, ...]) -> Iterator[tuple[Field, dict[str, Any], 
 
 
 def rows() -> dict[str, tuple[Field, dict[str, Any], tuple[Field, ...]]]:
-    found = {}
+    results = {}
     for family in PROTOCOLS.values():
         driver = family.configuration.driver
         for known in (DeviceContext(), DeviceContext(product="MTi-300"), DeviceContext(product="MTi-680G")):
@@ -44,8 +44,8 @@ def rows() -> dict[str, tuple[Field, dict[str, Any], tuple[Field, ...]]]:
             tables += [(row.name, row.arguments) for row in driver.commands(known)]
             for name, fields in tables:
                 for field, record, all_ in records(fields):
-                    found[f"{family.name} {name} {field.name} {record}"] = field, record, all_
-    return found
+                    results[f"{family.name} {name} {field.name} {record}"] = field, record, all_
+    return results
 
 
 ROWS = rows()
@@ -90,8 +90,8 @@ def test_a_refusal_has_the_unit_of_the_form(name: str) -> None:
     for problem in problems:
         if problem.path.startswith(field.name) and "lies between" in problem.message:
             assert row.unit in problem.message
-            given = number_of(problem.message.partition("given ")[2])
-            assert given == pytest.approx(beyond * row.scale + row.bias, rel=1e-6)
+            source = number_of(problem.message.partition("given ")[2])
+            assert source == pytest.approx(beyond * row.scale + row.bias, rel=1e-6)
 
 
 @each_row(

@@ -43,14 +43,14 @@ def read(running: InProcessServer) -> dict[str, Metric]:
 
 def value(families: dict[str, Metric], name: str, **labels: str) -> float | None:
     """Value of the sample with this name and these labels; None if there is none."""
-    found = [
+    results = [
         one.value
         for family in families.values()
         for one in family.samples
         if one.name == name and labels.items() <= one.labels.items()
     ]
-    assert len(found) <= 1, f"{name} {labels} is not one sample"
-    return found[0] if found else None
+    assert len(results) <= 1, f"{name} {labels} is not one sample"
+    return results[0] if results else None
 
 
 def until(running: InProcessServer, name: str, expected: float, **labels: str) -> dict[str, Metric]:

@@ -43,8 +43,8 @@ def test_a_generated_certificate_names_its_hosts(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(tls.platform, "node", lambda: "Robot.example")
     monkeypatch.setattr(tls, "addresses", lambda: ["10.0.0.7", "fd00::7"])
     config = Config(data=tmp_path, tls=True, host="192.0.2.9", allowed_hosts=("fleet.example",))
-    found = tls.tls_of(config)
-    certificate = x509.load_pem_x509_certificate(found.cert.read_bytes())
+    result = tls.tls_of(config)
+    certificate = x509.load_pem_x509_certificate(result.cert.read_bytes())
     held = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     names = {"localhost", "robot.example", "robot", "robot.local", "fleet.example"}
     assert set(held.get_values_for_type(x509.DNSName)) == names
@@ -52,10 +52,11 @@ def test_a_generated_certificate_names_its_hosts(tmp_path: Path, monkeypatch: py
     assert there == {"127.0.0.1", "::1", "10.0.0.7", "fd00::7", "192.0.2.9"}
     assert certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca is False
     assert (
-        found.fingerprint == hashlib.sha256(ssl.PEM_cert_to_DER_cert(found.cert.read_text())).digest().hex(":").upper()
+        result.fingerprint
+        == hashlib.sha256(ssl.PEM_cert_to_DER_cert(result.cert.read_text())).digest().hex(":").upper()
     )
-    assert found.key.stat().st_mode & 0o777 == 0o600
-    assert found.key.parent.stat().st_mode & 0o777 == 0o700
+    assert result.key.stat().st_mode & 0o777 == 0o600
+    assert result.key.parent.stat().st_mode & 0o777 == 0o700
 
 
 def test_the_certificate_is_generated_once_and_renewed_before_expiry(
@@ -78,10 +79,10 @@ def test_the_certificate_is_generated_once_and_renewed_before_expiry(
 
 
 def test_addresses_are_this_machines_own() -> None:
-    found = tls.addresses()
-    assert all(tls._address(one) is not None for one in found)
+    results = tls.addresses()
+    assert all(tls._address(one) is not None for one in results)
     if sys.platform == "linux":
-        assert "127.0.0.1" in found
+        assert "127.0.0.1" in results
 
 
 # ── a certificate that is given ──
@@ -93,8 +94,8 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tls.Tls:
 
 
 def test_a_given_certificate_is_used(pair: tls.Tls) -> None:
-    found = tls.tls_of(Config(tls_cert=str(pair.cert), tls_key=str(pair.key)))
-    assert found == replace(pair, made=False)
+    result = tls.tls_of(Config(tls_cert=str(pair.cert), tls_key=str(pair.key)))
+    assert result == replace(pair, made=False)
 
 
 @each_row(
@@ -146,7 +147,7 @@ def test_unusable_certificates_are_reported(
 
 
 @each_row(
-    ("given", "words"),
+    ("case", "words"),
     [
         ({"tls_cert": "a.pem"}, "tls_cert needs tls_key"),
         ({"tls_key": "a.pem"}, "tls_key needs tls_cert"),
@@ -154,9 +155,9 @@ def test_unusable_certificates_are_reported(
         ({"tls": "yes"}, "tls must be"),
     ],
 )
-def test_inconsistent_settings(given: dict[str, Any], words: str) -> None:
+def test_inconsistent_settings(case: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        load(None, **given)
+        load(None, **case)
 
 
 def test_the_command_reports_it_in_one_line(tmp_path: Path) -> None:
@@ -221,7 +222,7 @@ async def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, ca
 
     install(old.cert, old.key)
     keeper = tls.CertificateManager(config)
-    looking = asyncio.create_task(http_server.watch_certificate(keeper, 0.02))
+    viewers = asyncio.create_task(http_server.watch_certificate(keeper, 0.02))
     async with serving_with(keeper) as port:
         assert await shown(port, old.cert) == old.fingerprint
         install(new.cert, old.key)  # half way
@@ -230,7 +231,7 @@ async def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, ca
         install(new.cert, new.key)
         await until(lambda: keeper.tls.fingerprint == new.fingerprint, "it is replaced")
         assert await shown(port, new.cert) == new.fingerprint
-    looking.cancel()
+    viewers.cancel()
 
 
 # ── a handshake that does not end ──
@@ -248,9 +249,9 @@ async def test_a_handshake_that_does_not_end_is_not_waited_for(tmp_path: Path) -
     """Regression: connections with no or half a handshake were kept for a minute."""
     keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
     async with serving_with(keeper, ConnectionLimits(handshake_s=0.3)) as port:
-        for said in (b"", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"):
+        for message in (b"", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"):
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.write(said)
+            writer.write(message)
             assert await closed(reader)
             writer.close()
         fingerprint = ""

@@ -22,14 +22,14 @@ PNG = bytes.fromhex("89504e470d0a1a0a")
 class TileServer(ThreadingHTTPServer):
     """A tile server that misbehaves at some places."""
 
-    asked: list[str]
+    requests: list[str]
 
 
 class TileHandler(BaseHTTPRequestHandler):
     server: TileServer
 
     def do_GET(self) -> None:
-        self.server.asked.append(self.path)
+        self.server.requests.append(self.path)
         status, kind, data, more = {
             "/2/0/0.png": (404, "image/png", b"", {}),
             "/2/1/0.png": (302, "image/png", b"", {"location": "/0/0/0.png"}),
@@ -50,7 +50,7 @@ class TileHandler(BaseHTTPRequestHandler):
 @pytest.fixture(scope="module")
 def maps() -> Iterator[TileServer]:
     with TileServer(("127.0.0.1", 0), TileHandler) as server:
-        server.asked = []
+        server.requests = []
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield server
@@ -65,14 +65,14 @@ def client(maps: TileServer) -> Iterator[Client]:
         yield running.client
 
 
-def test_a_tile_comes_through_our_own_port_and_is_asked_for_once(client: Client, maps: TileServer) -> None:
+def test_a_tile_comes_through_our_own_port_and_is_requested_once(client: Client, maps: TileServer) -> None:
     assert client.get("/api/map").json() == {"tiles": True, "attribution": "© somebody"}
     for _ in range(3):
         answer = client.get("/api/tiles/3/4/5")
         assert answer.content == PNG + b"/3/4/5.png"
         assert answer.headers["content-type"] == "image/png"
         assert "max-age" in answer.headers["cache-control"]
-    assert maps.asked.count("/3/4/5.png") == 1
+    assert maps.requests.count("/3/4/5.png") == 1
 
 
 @each_row(
@@ -83,18 +83,18 @@ def test_a_tile_comes_through_our_own_port_and_is_asked_for_once(client: Client,
 def test_responses_that_are_not_tiles_are_not_passed_on(
     client: Client, maps: TileServer, place: str, status: int
 ) -> None:
-    before = len(maps.asked)
+    before = len(maps.requests)
     answer = client.get(f"/api/tiles/{place}")
     assert answer.status_code == status
     assert answer.json().keys() == {"kind", "message", "hint"}
-    assert len(maps.asked) == before + 1
+    assert len(maps.requests) == before + 1
 
 
 @each_row("place", ["0/1/0", "3/0/8", "-1/0/0", "23/0/0", "1/a/0", "1/0/0.png", "1/..%2f..%2fx/0"])
 def test_only_valid_tiles_are_requested(client: Client, maps: TileServer, place: str) -> None:
-    before = len(maps.asked)
+    before = len(maps.requests)
     assert client.get(f"/api/tiles/{place}").status_code in (404, 422)
-    assert len(maps.asked) == before
+    assert len(maps.requests) == before
 
 
 def test_without_a_tile_server_no_request_is_made() -> None:

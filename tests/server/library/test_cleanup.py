@@ -13,7 +13,7 @@ def test_what_a_server_writes_is_private(tmp_path: Path) -> None:
     """Alarms, with the secrets of webhooks, and recordings could be read by all users of the machine."""
     data = tmp_path / "data"
     with ServerProcess("sim:xbus", data=data, arguments=("--record",)) as server:
-        server.ask("POST", "/api/devices", {"source": "sim:idtp"})
+        server.request("POST", "/api/devices", {"source": "sim:idtp"})
     assert stat.S_IMODE(data.stat().st_mode) == 0o700
     files = [path for path in data.rglob("*") if path.is_file() and "cache" not in path.parts]
     assert any(path.suffix == ".mcap" for path in files)

@@ -38,15 +38,15 @@ def test_the_least_recently_used_are_deleted_first(tmp_path: Path) -> None:
 def test_columns_of_a_recording_that_is_gone_or_has_changed_are_deleted(tmp_path: Path) -> None:
     cache = tmp_path / "columns"
     cache.mkdir()
-    kept, gone, changed, foreign = (store(cache, name, 100, age) for age, name in enumerate(("a", "b", "c", "d")))
-    for folder in (kept, gone, changed):
+    stored, gone, changed, foreign = (store(cache, name, 100, age) for age, name in enumerate(("a", "b", "c", "d")))
+    for folder in (stored, gone, changed):
         recording = tmp_path / f"{folder.name}.mcap"
         recording.write_bytes(b"1")
         write_source(folder, recording, recording.stat())
     (tmp_path / "b.mcap").unlink()
     (tmp_path / "c.mcap").write_bytes(b"12")
     assert sorted(column_cache._sweep(cache, 1 << 30)) == [gone, changed]
-    assert (kept.exists(), gone.exists(), changed.exists(), foreign.exists()) == (True, False, False, True)
+    assert (stored.exists(), gone.exists(), changed.exists(), foreign.exists()) == (True, False, False, True)
 
 
 async def test_columns_go_with_their_recording(tmp_path: Path) -> None:
@@ -132,14 +132,14 @@ def test_what_is_being_made_is_neither_deleted_nor_missed_when_it_vanishes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     making = store(tmp_path, ".a.17.making", 500, 99)
-    gone, kept = store(tmp_path, "b", 500, 20), store(tmp_path, "c", 100, 10)
-    listed = [making, gone, kept]
+    gone, stored = store(tmp_path, "b", 500, 20), store(tmp_path, "c", 100, 10)
+    listed = [making, gone, stored]
     monkeypatch.setattr(Path, "iterdir", lambda self: iter(listed) if self == tmp_path else iter(_files(self)))
     (gone / "columns.bin").unlink()
     gone.rmdir()  # by another decoding, after it was listed
     column_cache._sweep(tmp_path, 200)
     assert making.exists()
-    assert kept.exists()
+    assert stored.exists()
 
 
 def _files(folder: Path) -> list[Path]:

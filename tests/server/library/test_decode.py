@@ -25,12 +25,12 @@ from tests.recordings.recorded_drive import START, drive
 
 def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    kept = drive(path)
+    stored = drive(path)
     compact(path)
     shares: list[float] = []
     store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols(), progress=shares.append)
     decoder = PROTOCOLS["xbus"].decoding.decoder()
-    decoder.feed(kept, 0)
+    decoder.feed(stored, 0)
     names: list[str] = []
 
     def advertise(info: ChannelInfo) -> int:
@@ -39,14 +39,14 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
 
     batches = events.batches(decoder.drain(stalled=True))
     pieces = ChannelRegistry("1", advertise).split([(batch, np.full(len(batch), np.nan)) for batch in batches])
-    found = {info["name"]: info["id"] for info in store.manifest["channels"]}
-    assert found.keys() == {*names, "EulerAngles"}  # and the channels derived from them
+    results = {info["name"]: info["id"] for info in store.manifest["channels"]}
+    assert results.keys() == {*names, "EulerAngles"}  # and the channels derived from them
     for piece in pieces:
-        number = found[names[piece.channel - 1]]
+        number = results[names[piece.channel - 1]]
         rows = store.exact(number, 0, store.rows(number))
         assert len(rows) == len(piece.columns[0])
-        for got, wanted in zip(rows.columns, piece.columns[2:], strict=True):
-            np.testing.assert_array_equal(got, wanted)
+        for got, expected in zip(rows.columns, piece.columns[2:], strict=True):
+            np.testing.assert_array_equal(got, expected)
     assert shares
     assert shares == sorted(shares)
 
@@ -100,10 +100,10 @@ def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tm
             writer.chunk("1", "rx", data, START + n * 10_000_000)
     writer.close()
     store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols())
-    told = store.span()
-    assert told is not None
-    assert told[0] > START / 1e9 - 1.0
-    assert told[1] < START / 1e9 + 41.0
+    report = store.span()
+    assert report is not None
+    assert report[0] > START / 1e9 - 1.0
+    assert report[1] < START / 1e9 + 41.0
     kinds = {event["data"].get("kind") for event in store.manifest["events"] if event["kind"] == "clock"}
     assert "sync" in kinds  # or this would prove nothing
 
@@ -135,20 +135,20 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
     path = tmp_path / "a.mcap"
     drive(path)
     compact(path)
-    seen: list[tuple[float, int, float]] = []
+    records: list[tuple[float, int, float]] = []
 
     def shown(folder: Path) -> None:
         store = ColumnStore(folder)
         number = next(info.id for info in channels_of(store).values() if info.name == "Acceleration")
-        told = store.manifest
-        seen.append((told["progress"], store.rows(number), told["ended"]))
+        report = store.manifest
+        records.append((report["progress"], store.rows(number), report["ended"]))
 
     store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols(), shown=shown)
     number = next(info["id"] for info in store.manifest["channels"] if info["name"] == "Acceleration")
-    assert seen
-    assert seen == sorted(seen)
-    assert 0 < seen[0][1] <= store.rows(number)
-    assert all(ended == pytest.approx(store.manifest["ended"], abs=0.02) for _, _, ended in seen)  # known before
+    assert records
+    assert records == sorted(records)
+    assert 0 < records[0][1] <= store.rows(number)
+    assert all(ended == pytest.approx(store.manifest["ended"], abs=0.02) for _, _, ended in records)  # known before
     assert "progress" not in store.manifest
 
 
@@ -162,17 +162,17 @@ def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch
     monkeypatch.setattr(tabular, "BLOCK_BYTES", 4096)
     path = tmp_path / "bench.csv"
     path.write_text("time (s),acc_x (m/s²)\n" + "".join(f"{1.76e9 + n / 100:.2f},{n % 7}\n" for n in range(2000)))
-    seen: list[tuple[float, int, float]] = []
+    records: list[tuple[float, int, float]] = []
 
     def shown(folder: Path) -> None:
         store = ColumnStore(folder)
-        seen.append((store.manifest["progress"], store.rows(1), store.manifest["ended"]))
+        records.append((store.manifest["progress"], store.rows(1), store.manifest["ended"]))
 
     store = decode(open_file(path), tmp_path / "store", protocol_set.all_protocols(), shown=shown)
-    assert len(seen) > 2
-    assert seen == sorted(seen)
-    assert 0 < seen[0][1] < store.rows(1) == 2000
-    assert {ended for _, _, ended in seen} == {store.manifest["ended"]}  # known before: the axis stays as it is
+    assert len(records) > 2
+    assert records == sorted(records)
+    assert 0 < records[0][1] < store.rows(1) == 2000
+    assert {ended for _, _, ended in records} == {store.manifest["ended"]}  # known before: the axis stays as it is
     assert "progress" not in store.manifest
 
 
@@ -205,23 +205,23 @@ def test_an_outage_without_a_counter_is_taken_from_the_live_event(tmp_path: Path
 
 def test_health_is_recorded_for_every_second(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    kept = drive(path)
+    stored = drive(path)
     store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols())
     second = START // 1_000_000_000
-    told = health_history(store.folder, store.manifest["health"], "1", "1", second - 1, second + 4)
-    assert told.bytes[0] == 0
-    assert sum(told.bytes) == len(kept)
-    (message,) = told.messages
-    counts = told.messages[message]
+    report = health_history(store.folder, store.manifest["health"], "1", "1", second - 1, second + 4)
+    assert report.bytes[0] == 0
+    assert sum(report.bytes) == len(stored)
+    (message,) = report.messages
+    counts = report.messages[message]
     total = next(iter(store.manifest["figures"]["1"]["messages"].values()))
     assert sum(counts) == total
     assert counts[2] == pytest.approx(counts[4], abs=2)
     assert counts[3] == pytest.approx(0.95 * counts[2], abs=2)  # a hole of 50 ms
-    late = told.jitter_ms[2]
+    late = report.jitter_ms[2]
     assert late is not None
     assert 0 < late <= 12  # chunks of 10 ms
-    assert told.uncertainty_ms[5] is not None
+    assert report.uncertainty_ms[5] is not None
     tail = health_history(store.folder, store.manifest["health"], "1", "1", second + 2, second + 2)
-    assert tail.before == sum(told.bytes[:3])
+    assert tail.before == sum(report.bytes[:3])
     assert tail.counted[message] == sum(counts[:3])
     assert health_history(store.folder, {}, "1", "1", second, second).bytes == [0]  # a table has no such file

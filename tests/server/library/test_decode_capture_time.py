@@ -76,16 +76,16 @@ def test_an_older_gnss_solution_affects_no_other_time(tmp_path: Path, age_ms: in
 
 
 @each_row("product", ["MTi-680G", "MTi-630"])
-def test_a_capture_of_a_device_lasts_as_long_as_its_clock_says(tmp_path: Path, product: str) -> None:
+def test_a_capture_of_a_device_lasts_as_long_as_its_clock_states(tmp_path: Path, product: str) -> None:
     device = XbusSimulator(product, start_ns=0)
     store = opened(tmp_path / "a.bin", b"".join(device.advance(n * 50_000_000) for n in range(1, 161)))
     (info,) = [one for one in store.manifest["channels"] if one["name"] == "Acceleration"]
     (clock,) = [one for one in store.manifest["channels"] if one["name"] == "SampleTimeFine"]
     rows = store.exact(info["id"], 0, store.rows(info["id"])).time
     np.testing.assert_allclose(np.diff(rows), np.median(np.diff(rows)), atol=2e-4)  # ticks of 0.1 ms
-    told = store.exact(clock["id"], 0, store.rows(clock["id"]))
-    timed = ~np.isnan(told.time)
-    off = told.time[timed] - told.columns[0][timed] / 1e4
+    report = store.exact(clock["id"], 0, store.rows(clock["id"]))
+    timed = ~np.isnan(report.time)
+    off = report.time[timed] - report.columns[0][timed] / 1e4
     assert np.ptp(off) < 1e-6
     assert not [text for text in clock_events(store) if "jump" in text]
 
@@ -195,8 +195,8 @@ def test_exports_have_the_devices_clock_and_utc(tmp_path: Path) -> None:
     known = [float(row["utc (s)"]) for row in rows if row["utc (s)"]]
     assert 0 < len(known) < len(rows)
     np.testing.assert_allclose(known, [float(row["time (s)"]) for row in rows if row["utc (s)"]], atol=0.011)
-    found = read_table(export("parquet", ExportRequest(store), tmp_path / "out.parquet")[0])
-    assert found.schema.field("utc").metadata[b"unit"] == b"s"
+    path = read_table(export("parquet", ExportRequest(store), tmp_path / "out.parquet")[0])
+    assert path.schema.field("utc").metadata[b"unit"] == b"s"
     interval = np.diff([float(row["time (s)"]) for row in rows])
     np.testing.assert_allclose(interval, np.median(interval), atol=0.011)
 

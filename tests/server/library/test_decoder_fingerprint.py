@@ -19,17 +19,17 @@ print(*(module for module in sys.modules if module.partition(".")[0] == "imuscop
 
 def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
     done = subprocess.run([sys.executable, "-c", RUN], cwd=ROOT, capture_output=True, text=True, check=True)
-    found = set(decoder_fingerprint.decoding_sources())
+    results = set(decoder_fingerprint.decoding_sources())
     assert "imuscope.recordings.importers.open_file" in done.stdout
     for module in done.stdout.split():
         place = ROOT.joinpath(*module.split("."))
-        there = {place.with_suffix(".py"), place / "__init__.py"} & found
+        there = {place.with_suffix(".py"), place / "__init__.py"} & results
         assert there or decoder_fingerprint.is_simulator(module), module
 
 
 def test_the_decoding_mark_covers_all_decoders_and_no_simulators() -> None:
-    found = {str(path.relative_to(decoder_fingerprint.PACKAGE)) for path in decoder_fingerprint.decoding_sources()}
-    assert found >= {
+    results = {str(path.relative_to(decoder_fingerprint.PACKAGE)) for path in decoder_fingerprint.decoding_sources()}
+    assert results >= {
         "recordings/tables/table_source.py",
         "recordings/importers/open_file.py",
         "recordings/readers/vendor_logs.py",
@@ -49,4 +49,4 @@ def test_the_decoding_mark_covers_all_decoders_and_no_simulators() -> None:
         "protocols/isb/logs.py",
         "protocols/clocks/clock_sync.py",
     }
-    assert not [name for name in found if name.startswith("protocols/") and "simulator" in name]
+    assert not [name for name in results if name.startswith("protocols/") and "simulator" in name]

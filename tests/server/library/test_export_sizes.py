@@ -43,9 +43,9 @@ def test_the_estimated_size_is_that_of_the_file_within_30_percent(protocol: str,
     wish = recorded(tmp_path, device, protocol)
     first, _ = wish.columns.span() or (0.0, 0.0)
     for part in (wish, replace(wish, t0=first + 3, t1=first + 9)):
-        said = export_sizes.sizes(part, tmp_path)
-        assert set(said) == {name for name, one in FORMATS.items() if not one.needs_source}
-        for export_format, size in said.items():
+        message = export_sizes.sizes(part, tmp_path)
+        assert set(message) == {name for name, one in FORMATS.items() if not one.needs_source}
+        for export_format, size in message.items():
             out = tmp_path / export_format
             out.mkdir(exist_ok=True)
             made = export(export_format, part, out / f"drive{FORMATS[export_format].suffix}")

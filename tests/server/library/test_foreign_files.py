@@ -63,7 +63,7 @@ def _source(module: str) -> Path | None:
 def _imports(module: str) -> frozenset[str]:
     """What a module imports, also within its functions, but not for types alone."""
     path = _source(module)
-    found: set[str] = set()
+    results: set[str] = set()
     stack: list[ast.AST] = [ast.parse(path.read_text())] if path is not None else []
     while stack:
         node = stack.pop()
@@ -72,11 +72,11 @@ def _imports(module: str) -> frozenset[str]:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and module.startswith(LISTED):
             continue
         if isinstance(node, ast.Import):
-            found |= {one.name for one in node.names}
+            results |= {one.name for one in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            found |= {node.module, *(f"{node.module}.{one.name}" for one in node.names)}
+            results |= {node.module, *(f"{node.module}.{one.name}" for one in node.names)}
         stack += ast.iter_child_nodes(node)
-    parts = [one.split(".") for one in found]
+    parts = [one.split(".") for one in results]
     return frozenset(".".join(words[:count]) for words in parts for count in range(1, len(words) + 1))
 
 

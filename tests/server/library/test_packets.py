@@ -48,11 +48,11 @@ def accepted(family: ProtocolInfo, data: bytes) -> list[bytes]:
 
 def golden(name: str) -> list[bytes]:
     """Every frame in the golden vectors of a family, once."""
-    found: dict[bytes, None] = {}
+    results: dict[bytes, None] = {}
     for path in sorted((ROOT / "tests" / "golden" / name).glob("*.json")):
         for text in re.findall(r'"\w*hex": ?"((?:[0-9a-fA-F]{2})+)"', path.read_text()):
-            found |= dict.fromkeys(accepted(PROTOCOLS[name], bytes.fromhex(text)))
-    return list(found)
+            results |= dict.fromkeys(accepted(PROTOCOLS[name], bytes.fromhex(text)))
+    return list(results)
 
 
 GOLDEN = {name: golden(name) for name in VALUES}
@@ -116,11 +116,11 @@ def near(memory: LinkMemory, moment: SampleArrival, **options: Any) -> Any:
 
 @given(
     together=st.lists(st.integers(1, 4), min_size=20, max_size=40),
-    wanted=st.integers(0, 19),
+    expected=st.integers(0, 19),
     cut=st.integers(1, 20),
 )
 def test_the_frame_of_each_sample_is_found_however_its_bytes_arrived(
-    together: list[int], wanted: int, cut: int
+    together: list[int], expected: int, cut: int
 ) -> None:
     memory, count, moments = LinkMemory(lambda: None, 1e9), 0, []
     rest = b""
@@ -131,11 +131,11 @@ def test_the_frame_of_each_sample_is_found_however_its_bytes_arrived(
         moments += [(n, SampleArrival(number * MS, rank)) for rank, n in enumerate(ends)]
         memory.append([Chunk(data[:-cut], number * MS)], "rx")
         count += frames
-    n, moment = moments[min(wanted, len(moments) - 1)]
+    n, moment = moments[min(expected, len(moments) - 1)]
     view = near(memory, moment, names=("Acceleration",))
-    found = view.packets[view.at]
-    assert found.fields["PacketCounter"] == n
-    assert bytes.fromhex(found.hex) == sample(n)
+    result = view.packets[view.at]
+    assert result.fields["PacketCounter"] == n
+    assert bytes.fromhex(result.hex) == sample(n)
     before = [packet.fields["PacketCounter"] for packet in view.packets[: view.at]]
     assert before == list(range(n - len(before), n))
 
@@ -167,17 +167,17 @@ def test_the_newest_frame_is_found_without_reading_all_of_memory() -> None:
     memory = LinkMemory(lambda: None, 1e9)
     for number in range(400):
         memory.append([Chunk(sample(number), number * 10 * MS)], "rx")
-    newest_ns, asked = 3990 * MS, []
+    newest_ns, request = 3990 * MS, []
     read = live_bytes(memory, b"")
 
     def counted(since_ns: int, until_ns: int) -> Any:
-        asked.append(until_ns - since_ns)
+        request.append(until_ns - since_ns)
         return read(since_ns, until_ns)
 
     view = packets_around("1", PROTOCOLS["xbus"], {}, counted, SampleArrival(newest_ns), beside=24, newest_ns=newest_ns)
     assert view is not None
     assert [packet.fields["PacketCounter"] for packet in view.packets] == list(range(375, 400))
-    assert (view.at, asked) == (24, [1000 * MS])
+    assert (view.at, request) == (24, [1000 * MS])
 
 
 def test_a_family_without_a_driver_has_its_frame_as_a_whole() -> None:
@@ -231,23 +231,23 @@ def test_a_point_of_a_plot_leads_to_its_bytes_live_and_recorded(running: InProce
     recorded = next(one["id"] for one in detail["channels"] if one["name"] == "Acceleration")
     for row in (3, 300, 590):
         at = (time if base == "device" else arrival)[row]
-        asked: dict[str, Any] = {"time": float(at), "base": base, "beside": 3}
-        live = running.client.get("/api/devices/1/frames", params={**asked, "channel": channel.info.id})
+        request: dict[str, Any] = {"time": float(at), "base": base, "beside": 3}
+        live = running.client.get("/api/devices/1/frames", params={**request, "channel": channel.info.id})
         assert live.status_code == 200, live.text
-        found = live.json()["packets"][live.json()["at"]]
+        result = live.json()["packets"][live.json()["at"]]
         if base == "device":
-            assert found["fields"]["Acceleration"][0] == x[row] == row
+            assert result["fields"]["Acceleration"][0] == x[row] == row
         else:
-            assert abs(found["fields"]["Acceleration"][0] - row) <= 2, "of three that arrived together, one"
-        assert found["title"] == "MTData2"
-        assert found["source"]
+            assert abs(result["fields"]["Acceleration"][0] - row) <= 2, "of three that arrived together, one"
+        assert result["title"] == "MTData2"
+        assert result["source"]
         columns = block_until(lambda: columns_of(running, saved), "its columns can be read")
         clock = columns.clock(recorded, row, row + 1, "key" if base == "device" else "arrival")
-        asked |= {"time": float(clock[0]), "channel": recorded}  # a whole recording may map the device's clock better
-        there = running.client.get(f"/api/recordings/{saved}/frames", params=asked)
+        request |= {"time": float(clock[0]), "channel": recorded}  # a whole recording may map the device's clock better
+        there = running.client.get(f"/api/recordings/{saved}/frames", params=request)
         assert there.status_code == 200, there.text
         again = there.json()["packets"][there.json()["at"]]
-        assert (again["hex"], again["spans"]) == (found["hex"], found["spans"])
+        assert (again["hex"], again["spans"]) == (result["hex"], result["spans"])
 
 
 def opened(running: InProcessServer, recording: str) -> Any:
@@ -264,8 +264,8 @@ def test_one_leads_to_the_next(running: InProcessServer) -> None:
     view = running.client.get("/api/devices/1/frames", params={"time": held(running), "beside": 4}).json()
     for step in (1, -1):
         beside = view["packets"][view["at"] + step]
-        asked = {"time": beside["arrival"], "rank": beside["rank"], "beside": 4}
-        moved = running.client.get("/api/devices/1/frames", params=asked).json()
+        request = {"time": beside["arrival"], "rank": beside["rank"], "beside": 4}
+        moved = running.client.get("/api/devices/1/frames", params=request).json()
         assert moved["packets"][moved["at"]]["hex"] == beside["hex"]
 
 
@@ -274,7 +274,7 @@ def held(running: InProcessServer) -> float:
     return float(one["t0"] + one["t1"]) / 2
 
 
-def test_what_is_not_there_is_said(running: InProcessServer) -> None:
+def test_what_is_not_there_is_reported(running: InProcessServer) -> None:
     long_ago = running.client.get("/api/devices/1/frames", params={"time": held(running) - 5000})
     assert_problem(long_ago, 404, "not-found")
     assert "no longer in memory" in json.loads(long_ago.text)["message"]

@@ -128,17 +128,17 @@ def test_flags_are_summarised_as_any_and_all(store: ColumnStore) -> None:
 
 def test_a_detail_holds_what_the_page_needs(store: ColumnStore) -> None:
     info = RecordingInfo("a", "A drive", "a.mcap", "mcap", 1, None, None, [])
-    told = wire_codec.to_json_safe(detail(info, store))
-    json.dumps(told, allow_nan=False)
-    assert told["t1"] > told["t0"]
-    assert {channel["name"] for channel in told["channels"]} >= {"Acceleration", "EulerAngles"}
-    assert told["markers"][0]["text"] == "bump"
-    acceleration = next(channel["id"] for channel in told["channels"] if channel["name"] == "Acceleration")
-    assert 0 < told["longest_s"][str(acceleration)] < 0.05
-    device = next(channel["device"] for channel in told["channels"] if channel["id"] == acceleration)
+    report = wire_codec.to_json_safe(detail(info, store))
+    json.dumps(report, allow_nan=False)
+    assert report["t1"] > report["t0"]
+    assert {channel["name"] for channel in report["channels"]} >= {"Acceleration", "EulerAngles"}
+    assert report["markers"][0]["text"] == "bump"
+    acceleration = next(channel["id"] for channel in report["channels"] if channel["name"] == "Acceleration")
+    assert 0 < report["longest_s"][str(acceleration)] < 0.05
+    device = next(channel["device"] for channel in report["channels"] if channel["id"] == acceleration)
     span = store.span(acceleration)
     assert span is not None
-    assert told["t0"] <= told["begins"][device] <= span[0]
+    assert report["t0"] <= report["begins"][device] <= span[0]
 
 
 # -- the shelf ---------------------------------------------------------------------------------------------------------

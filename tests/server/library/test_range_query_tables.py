@@ -25,12 +25,12 @@ def test_rows_of_a_query_go_by_their_time() -> None:
 
 
 def test_a_channel_named_twice_is_refused() -> None:
-    def asked(query: bytes) -> Request:
+    def request(query: bytes) -> Request:
         return Request({"type": "http", "query_string": query, "headers": []})
 
-    _only_one(asked(b"channel=A&width=3"))
+    _only_one(request(b"channel=A&width=3"))
     with pytest.raises(DomainError):
-        _only_one(asked(b"channel=A&channel=B"))
+        _only_one(request(b"channel=A&channel=B"))
 
 
 def test_the_name_of_an_export_contains_its_range() -> None:

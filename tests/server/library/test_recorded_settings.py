@@ -23,7 +23,7 @@ OUTPUTS = [
 ]
 
 
-def told(snapshot: dict[str, Any]) -> dict[str, dict[str, str]]:
+def values_of(snapshot: dict[str, Any]) -> dict[str, dict[str, str]]:
     """Setting → title of a row → words."""
     return {one.name: {row.title: row.words for row in one.rows} for one in settings_of(snapshot).settings}
 
@@ -38,11 +38,11 @@ def test_rates_flags_and_units_are_in_words() -> None:
     sentences = {"string_types": 0, "frequency": 10}
     values = {"OutputConfiguration": {"outputs": OUTPUTS}, "LatLonAlt": place, "OptionFlags": {"flags": 16}}
     values["StringOutputType"] = sentences
-    found = told(snapshot("xbus", "MTi-630", values))
-    assert found["OutputConfiguration"] == {"Acceleration": "400 Hz", "Quaternion": "100 Hz, NED"}
-    assert [words[-2:] for words in found["LatLonAlt"].values()] == [" °", " °", " m"]
-    assert found["StringOutputType"] == {"String types": "none", "Frequency": "10 Hz"}
-    assert found["OptionFlags"][""].replace(" ", "").isidentifier()  # its name
+    results = values_of(snapshot("xbus", "MTi-630", values))
+    assert results["OutputConfiguration"] == {"Acceleration": "400 Hz", "Quaternion": "100 Hz, NED"}
+    assert [words[-2:] for words in results["LatLonAlt"].values()] == [" °", " °", " m"]
+    assert results["StringOutputType"] == {"String types": "none", "Frequency": "10 Hz"}
+    assert results["OptionFlags"][""].replace(" ", "").isidentifier()  # its name
 
 
 def test_a_data_set_is_shown_by_field_with_units_and_choices() -> None:
@@ -50,11 +50,11 @@ def test_a_data_set_is_shown_by_field_with_units_and_choices() -> None:
         "DID_FLASH_CONFIG": {"startupImuDtMs": 4, "refLla": [52.0, 6.0, 30.0], "later": 7},
         "DID_BIT": {"command": 2},
     }
-    found = told(snapshot("isb", "IMX-5", values))
-    assert "4 ms" in found["DID_FLASH_CONFIG"].values()
-    assert "52.00000000 °, 6.00000000 °, 30.00000000 m" in found["DID_FLASH_CONFIG"].values()
-    assert "7" in found["DID_FLASH_CONFIG"].values()  # a field that the table has not got
-    assert list(found["DID_BIT"].values()) == ["Full stationary"]
+    results = values_of(snapshot("isb", "IMX-5", values))
+    assert "4 ms" in results["DID_FLASH_CONFIG"].values()
+    assert "52.00000000 °, 6.00000000 °, 30.00000000 m" in results["DID_FLASH_CONFIG"].values()
+    assert "7" in results["DID_FLASH_CONFIG"].values()  # a field that the table has not got
+    assert list(results["DID_BIT"].values()) == ["Full stationary"]
 
 
 @each_row(
@@ -70,11 +70,11 @@ def test_a_data_set_is_shown_by_field_with_units_and_choices() -> None:
 )
 @each_row("protocol", ["xbus", "isb", "idtp", "", "another"])
 def test_values_unknown_to_the_tables_are_shown_unchanged(protocol: str, values: dict[str, Any]) -> None:
-    found = settings_of(snapshot(protocol, "MTi-630", values, missing={"FilterProfile": "no answer", "x": 3}))
-    assert [one.name for one in found.settings] == list(values)
-    for one in found.settings:
+    results = settings_of(snapshot(protocol, "MTi-630", values, missing={"FilterProfile": "no answer", "x": 3}))
+    assert [one.name for one in results.settings] == list(values)
+    for one in results.settings:
         assert len(one.rows) > 0 or not values[one.name]
-    assert len(found.missing) == 2
+    assert len(results.missing) == 2
 
 
 @each_row("body", [{}, {"values": 3}, {"values": {"a": 1}}, {"values": None, "missing": [1]}])

@@ -64,10 +64,10 @@ def test_data_between_start_and_stop_is_in_the_file(running: InProcessServer, li
     assert began["op"] == "recorder"
     assert began["devices"] == ["1", "2"]
     assert began["title"] == "Test drive"
-    wanted = b""
+    expected = b""
     for n in range(2, 60):
         send(running, links, "/dev/one", sample(n))
-        wanted += sample(n)
+        expected += sample(n)
     send(running, links, "/dev/two", b"other")
     settled(running)
     marked = running.client.post("/api/recordings/mark", json={"text": "bump", "device": "1"})
@@ -78,7 +78,7 @@ def test_data_between_start_and_stop_is_in_the_file(running: InProcessServer, li
     assert ended["message"] == ""
     path = tmp_path / "recordings" / f"{began['id']}.mcap"
     assert path.name.endswith("-Test-drive.mcap")
-    assert chunks(path, "rx/1") == wanted
+    assert chunks(path, "rx/1") == expected
     assert chunks(path, "rx/2") == b"other"
     assert notes(path) == [
         {"kind": "marker", "text": "bump", "device": "1"},
@@ -305,16 +305,16 @@ async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(
         with McapReader(path) as recording:
             commands = [body["text"] for _, body in json_messages(recording, "events") if body["kind"] == "command"]
         # On a busy machine an answer may arrive after its time-out; the request is repeated, which a note reports.
-        asked = [text for text in commands if not text.startswith("Sent ")]
-        assert asked == ["ReqDID", "GoToConfig", "ReqConfiguration", "ReqEmts", "GoToMeasurement"]
+        requests = [text for text in commands if not text.startswith("Sent ")]
+        assert requests == ["ReqDID", "GoToConfig", "ReqConfiguration", "ReqEmts", "GoToMeasurement"]
 
 
 async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path: Path) -> None:
     plan = RecordingOptions(tmp_path / "recordings", Limits(split_bytes=30_000), request_header=True)
     async with recorder(tmp_path, plan) as (made, one):
         desk = await made.add("sim:xbus?rate=400")
-        heard: list[bytes] = []
-        desk.member.listeners.chunks(lambda came, way: heard.extend(one.data for one in came if way == "rx"))
+        received: list[bytes] = []
+        desk.member.listeners.chunks(lambda came, way: received.extend(one.data for one in came if way == "rx"))
         await one.start()
 
         def parts() -> list[Path]:
@@ -327,9 +327,9 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
         await until(lambda: len(parts()) >= 4 and len(with_head()) >= 3, "it was split, and the device has answered")
         await one.stop()
         paths = parts()
-        found = b"".join(chunks(path, "rx/1") for path in paths)
-        assert found in b"".join(heard), "it begins between two chunks, in the thread that reads"
-        assert len(found) > 60_000
+        result = b"".join(chunks(path, "rx/1") for path in paths)
+        assert result in b"".join(received), "it begins between two chunks, in the thread that reads"
+        assert len(result) > 60_000
         for first, second in pairwise(paths):
             assert McapSource(second).header["previous"] == first.stem
         assert with_head() == paths[-len(with_head()) :], "every part since the answer can be exported"

@@ -28,11 +28,11 @@ TOPICS = ros.TOPICS
 
 def by_topic(path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
     """Schema, channel and message of every message, as another reader finds them."""
-    found: dict[str, list[tuple[Any, Any, Any]]] = {}
+    results: dict[str, list[tuple[Any, Any, Any]]] = {}
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file).iter_messages():
-            found.setdefault(channel.topic, []).append((schema, channel, message))
-    return found
+            results.setdefault(channel.topic, []).append((schema, channel, message))
+    return results
 
 
 def live(made: Any, title: str, message: str) -> list[np.ndarray]:
@@ -66,19 +66,19 @@ async def test_a_recording_holds_the_messages_as_they_came_and_gives_the_same_nu
             }
 
     path = recorded(tmp_path)
-    found = by_topic(path)
+    results = by_topic(path)
     for topic, name in TOPICS.items():
-        schema, channel, _ = found[topic][0]
+        schema, channel, _ = results[topic][0]
         assert (schema.name, schema.encoding, schema.data) == (name, "ros2msg", ros.definition(name))
         assert channel.message_encoding == "cdr"
-        bodies = [message.data for _, _, message in found[topic]]
+        bodies = [message.data for _, _, message in results[topic]]
         first = sent[topic].index(bodies[0])
         assert bodies == sent[topic][first : first + len(bodies)]
         assert len(bodies) > 30
         last = ros.STORE.deserialize_cdr(bodies[-1], name)
         stamp = last.header.stamp.sec * 10**9 + last.header.stamp.nanosec
-        assert stamp == found[topic][-1][2].publish_time
-        assert 0 <= found[topic][-1][2].log_time - stamp < 10**10
+        assert stamp == results[topic][-1][2].publish_time
+        assert 0 <= results[topic][-1][2].log_time - stamp < 10**10
 
     for packed in (False, True):
         if packed:

@@ -22,17 +22,17 @@ Serve = Callable[..., ServerProcess]
 def test_a_simulated_device_is_one_in_its_recording_in_exports_and_when_it_is_played(serve: Serve) -> None:
     """It looked like a sensor with a serial number, but for a grey `sim:xbus`."""
     server = serve("sim:xbus")
-    block_until(lambda: server.ask("GET", "/api/devices")[0]["status"] == "live", "it sends")
-    assert server.ask("GET", "/api/devices")[0]["simulated"]
-    recording = server.ask("POST", "/api/recordings/start", {})["id"]
-    block_until(lambda: server.ask("GET", "/api/recorder")["bytes"] > 10_000, "something is recorded")
-    server.ask("POST", "/api/recordings/stop", {})
+    block_until(lambda: server.request("GET", "/api/devices")[0]["status"] == "live", "it sends")
+    assert server.request("GET", "/api/devices")[0]["simulated"]
+    recording = server.request("POST", "/api/recordings/start", {})["id"]
+    block_until(lambda: server.request("GET", "/api/recorder")["bytes"] > 10_000, "something is recorded")
+    server.request("POST", "/api/recordings/stop", {})
     [file] = server.data.rglob(f"{recording}.mcap")
-    [listed] = server.ask("GET", "/api/recordings")
+    [listed] = server.request("GET", "/api/recordings")
     assert [device["simulated"] for device in listed["devices"]] == [True]
-    server.ask("POST", "/api/devices", {"source": str(file)})
-    block_until(lambda: server.ask("GET", "/api/devices")[-1]["status"] == "live", "it is played")
-    assert [device["simulated"] for device in server.ask("GET", "/api/devices")] == [True, True]
+    server.request("POST", "/api/devices", {"source": str(file)})
+    block_until(lambda: server.request("GET", "/api/devices")[-1]["status"] == "live", "it is played")
+    assert [device["simulated"] for device in server.request("GET", "/api/devices")] == [True, True]
     made = {export_format: exported(server, recording, export_format) for export_format in ("parquet", "mcap", "csv")}
     assert all("simulated" in path.name for path in made.values())
     table: Any = made["parquet"]
@@ -46,10 +46,10 @@ def test_a_simulated_device_is_one_in_its_recording_in_exports_and_when_it_is_pl
 
 
 def exported(server: ServerProcess, recording: str, export_format: str) -> Path:
-    job = server.ask("POST", f"/api/recordings/{recording}/exports", {"format": export_format})["id"]
+    job = server.request("POST", f"/api/recordings/{recording}/exports", {"format": export_format})["id"]
 
     def done() -> str:
-        jobs = server.ask("GET", "/api/recordings/exports")
+        jobs = server.request("GET", "/api/recordings/exports")
         [one] = [one for one in jobs if one["id"] == job]
         return str(one["file"]) if one["state"] == "done" else ""
 
@@ -61,8 +61,10 @@ def exported(server: ServerProcess, recording: str, export_format: str) -> Path:
 def test_two_simulators_have_serial_numbers_of_their_own(serve: Serve) -> None:
     """Both were 0080800001: links, settings and names of one were taken for the other's."""
     server = serve("sim:xbus?product=MTi-680G", "sim:xbus", "sim:xbus?seed=0")
-    block_until(lambda: all(one["serial_number"] for one in server.ask("GET", "/api/devices")), "all are identified")
-    numbers = [one["serial_number"] for one in server.ask("GET", "/api/devices")]
+    block_until(
+        lambda: all(one["serial_number"] for one in server.request("GET", "/api/devices")), "all are identified"
+    )
+    numbers = [one["serial_number"] for one in server.request("GET", "/api/devices")]
     assert numbers == ["0080800001", "0080800002", "0080800001"], "a seed that was given stays"
 
 
@@ -83,5 +85,5 @@ def test_an_empty_list_of_sources_opens_none(serve: Serve, tmp_path: Path) -> No
     settings = tmp_path / "imuscope.toml"
     settings.write_text("sources = []\n")
     server = serve(arguments=("--config", str(settings)))
-    assert server.ask("GET", "/api/devices") == []
+    assert server.request("GET", "/api/devices") == []
     assert "simulated" not in server.log

@@ -57,7 +57,7 @@ def test_a_workspace_is_stored_read_changed_and_deleted(client: Client) -> None:
     assert_problem(client.delete(f"{PATH}/{info['name']}"), 404, "not-found")
 
 
-def test_of_two_who_change_one_workspace_the_second_is_told(client: Client) -> None:
+def test_of_two_who_change_one_workspace_the_second_is_refused(client: Client) -> None:
     first = put(client, "shared", workspace()).headers["etag"]
     mine = put(client, "shared", workspace(mine=1), first)
     assert_problem(put(client, "shared", workspace(other=1), first), 412, "changed")
@@ -132,7 +132,7 @@ def test_any_name_stays_within_its_folder(tmp_path: Path, name: str) -> None:
     assert [one.name for one in store.all()] == [name]
 
 
-def test_names_that_look_alike_are_different_files(tmp_path: Path) -> None:
+def test_names_that_resemble_each_other_are_different_files(tmp_path: Path) -> None:
     store = WorkspaceStore(tmp_path)
     for name in ("Test 1", "test-1", "test 1"):
         store.put(name, workspace(name=name), None)

@@ -85,8 +85,8 @@ class Watched:
     def rows(self, title: str, topic: str) -> list[np.ndarray]:
         """Arrival, time and columns of a quantity so far."""
         self.session.access.decode()
-        found = [one for one in self.telemetry.store.all if (one.info.title, one.info.message) == (title, topic)]
-        return [] if not found else found[0].ring.read()
+        results = [one for one in self.telemetry.store.all if (one.info.title, one.info.message) == (title, topic)]
+        return [] if not results else results[0].ring.read()
 
     def count(self, title: str, topic: str) -> int:
         rows = self.rows(title, topic)

@@ -102,18 +102,18 @@ def test_a_starting_device_is_found_at_a_rate_where_it_was_silent(monkeypatch: p
             pass
 
     port = Starting()
-    heard: list[int] = []
+    received: list[int] = []
 
     def read(fd: int) -> bytes:
-        heard.append(port.baudrate)
+        received.append(port.baudrate)
         if port.baudrate == 115_200:
-            return joined_frames if 57_600 in heard else b""
+            return joined_frames if 57_600 in received else b""
         return b"\x55" * ENOUGH_BYTES
 
     joined_frames = b"".join(frame(i, i) for i in range(40))
     monkeypatch.setattr("imuscope.server.links.baud_scan._read", read)
-    found = asyncio.run(scan(port, (115_200, 57_600, 9_600), windows=SHORT))
-    assert [(one.baud, one.result.recognised) for one in found] == [
+    results = asyncio.run(scan(port, (115_200, 57_600, 9_600), windows=SHORT))
+    assert [(one.baud, one.result.recognised) for one in results] == [
         (115_200, False),
         (57_600, False),
         (9_600, False),
@@ -182,8 +182,8 @@ async def test_a_rate_refused_by_the_adapter_does_not_stop_the_scan(monkeypatch:
         port = open_port(bench.slave, SerialSettings())
         attempts: list[Attempt] = []
         try:
-            found = await scan(Stubborn(port), (115_200, 921_600, 57_600), attempts.append)
-            assert found[-1].baud == 57_600
+            result = await scan(Stubborn(port), (115_200, 921_600, 57_600), attempts.append)
+            assert result[-1].baud == 57_600
             assert "not possible on this port" in attempts[1].outcome
         finally:
             port.close()

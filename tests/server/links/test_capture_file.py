@@ -47,7 +47,7 @@ def test_every_frame_is_due_at_its_device_time() -> None:
     assert not any(piece.blind for piece in pieces)
 
 
-def test_a_real_capture_takes_as_long_as_its_clock_says(captures: Path) -> None:
+def test_a_real_capture_takes_as_long_as_its_clock_states(captures: Path) -> None:
     path = captures / "xbus/mti_100hz_49s.bin"
     data = path.read_bytes()
     pieces = pieces_of(data)
@@ -57,9 +57,9 @@ def test_a_real_capture_takes_as_long_as_its_clock_says(captures: Path) -> None:
 
     decoder = PROTOCOLS["xbus"].decoding.decoder()
     decoder.feed(data, 0)
-    found = [batch for batch in batches(decoder.drain(stalled=True)) if "Quaternion" in batch.columns]
-    times = np.concatenate([batch.time_ns for batch in found if batch.time_ns is not None])
-    starts = np.concatenate([batch.offset for batch in found])
+    results = [batch for batch in batches(decoder.drain(stalled=True)) if "Quaternion" in batch.columns]
+    times = np.concatenate([batch.time_ns for batch in results if batch.time_ns is not None])
+    starts = np.concatenate([batch.offset for batch in results])
     assert due[-1] == times[-1] - times[0] == 47_450_000_000  # 4746 samples, 100 a second
     # Where each sample begins in the file, and when the piece that holds it was due:
     ends = np.cumsum([len(piece.data) for piece in pieces])
@@ -71,19 +71,19 @@ def test_memory_is_bounded_by_blocks_not_by_the_file() -> None:
     """The pieces of a long capture come while it is read, never after."""
 
     class Counting(io.BytesIO):
-        taken = 0
+        reads = 0
 
         def read(self, size: int | None = -1, /) -> bytes:
             data = super().read(size)
-            Counting.taken += len(data)
+            Counting.reads += len(data)
             return data
 
     data = stream(120.0)
     assert len(data) > 3 * BLOCK_BYTES
-    given = 0
+    count = 0
     for piece in CaptureTiming(Counting(data), PROTOCOLS["xbus"].decoding.decoder()):
-        given += len(piece.data)
-        assert Counting.taken - given <= 2 * BLOCK_BYTES
+        count += len(piece.data)
+        assert Counting.reads - count <= 2 * BLOCK_BYTES
 
 
 def test_bytes_between_clocked_frames_go_with_them() -> None:
@@ -146,7 +146,7 @@ def capture(tmp_path: Path) -> Path:
     return path
 
 
-async def test_a_file_plays_to_its_end_at_the_asked_speed(capture: Path) -> None:
+async def test_a_file_plays_to_its_end_at_the_requested_speed(capture: Path) -> None:
     attempts: list[str] = []
     link = open_link(f"{capture}?speed=10", settings())
     start = time.monotonic()

@@ -27,7 +27,7 @@ def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatc
     for name, uart in (("ttyS0", "4"), ("ttyS1", "0")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "type").write_text(uart + "\n")
-    found = [
+    results = [
         Comport("/dev/ttyUSB10", vid=0x0403, pid=0x6001, product="FT232R USB UART", serial_number="A50285BI"),
         Comport("/dev/ttyUSB2", vid=0x2639, pid=0x0301, product="MTi converter", serial_number="DB1ABC"),
         Comport("/dev/ttyACM0", vid=0x1234, pid=0x0001, manufacturer="Robots Ltd", product="Probe"),
@@ -35,7 +35,7 @@ def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatc
         Comport("/dev/ttyS0", description="ttyS0"),
         Comport("/dev/ttyS1", description="ttyS1"),
     ]
-    monkeypatch.setattr(ports.system_ports, "comports", lambda: found)
+    monkeypatch.setattr(ports.system_ports, "comports", lambda: results)
     monkeypatch.setattr(ports, "BOARD_PORTS", ())
     listed = ports.list_ports(in_use=["/dev/ttyACM0"])
     assert [(info.device, info.description) for info in listed] == [
@@ -50,15 +50,15 @@ def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatc
 
 
 async def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    with device(921_600) as bench, pty() as silent, pty() as taken, pty() as refused:
-        monkeypatch.setattr(ports, "holder", lambda path: "minicom (process 7)" if path == taken.path else "")
+    with device(921_600) as bench, pty() as silent, pty() as batch, pty() as refused:
+        monkeypatch.setattr(ports, "holder", lambda path: "minicom (process 7)" if path == batch.path else "")
         monkeypatch.setattr(ports.os, "access", lambda path, mode: path != refused.path)
         os.chown(refused.path, -1, 20)
         os.chmod(refused.path, 0o660)
-        told: list[str] = []
+        messages: list[str] = []
         infos = await ports.scan(
-            [bench.slave, silent.path, taken.path, refused.path, "/dev/ttyNope"],
-            progress=lambda device, one: told.append(device),
+            [bench.slave, silent.path, batch.path, refused.path, "/dev/ttyNope"],
+            progress=lambda device, one: messages.append(device),
             windows=ScanWindows(0.6, 0.05),  # a busy machine lets a device wait for 0.1 s
         )
         speaking, quiet, busy, denied, absent = infos
@@ -69,7 +69,7 @@ async def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatc
         assert busy.attempts[0].outcome == "In use by minicom (process 7)."
         assert "usermod -aG" in denied.denied
         assert "There is no port /dev/ttyNope." in absent.attempts[0].outcome
-        assert set(told) == {info.device for info in infos}
+        assert set(messages) == {info.device for info in infos}
         # The session's own link is left alone even when its source is another name of the same port.
         (mine,) = await ports.scan([bench.slave], in_use=[os.path.realpath(bench.slave)])
         assert mine.busy == "a session of this server"

@@ -69,17 +69,17 @@ def end(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 
 def test_gathered_reads_have_their_own_times(end: ReadEnd) -> None:
-    found: list[Chunk] = []
-    reader = threading.Thread(target=lambda: found.extend(end.read(None, FAR_NS)))
+    results: list[Chunk] = []
+    reader = threading.Thread(target=lambda: results.extend(end.read(None, FAR_NS)))
     reader.start()
     pieces = [bytes([number]) * (number + 1) for number in range(5)]
     spans = [end.write(piece) for piece in pieces]
     os.write(end.stop, b"\0")
     reader.join(PATIENCE_S)
-    assert [chunk.data for chunk in found] == pieces
+    assert [chunk.data for chunk in results] == pieces
     # A piece is written when the one before has been read, and so when the one before that has got its time.
     latest = [before for before, _ in spans[2:]] + 2 * [end.now_ns()]
-    for chunk, (before, _), by in zip(found, spans, latest, strict=True):
+    for chunk, (before, _), by in zip(results, spans, latest, strict=True):
         assert before <= chunk.arrival_ns <= by
     assert not end.loop.failed
 
@@ -125,12 +125,12 @@ def test_more_than_the_memory_holds_is_read_in_several_calls(end: ReadEnd) -> No
     fcntl.fcntl(end.fd, fcntl.F_SETPIPE_SZ, 4 * BUFFER_BYTES)
     data = bytes(range(256)) * (3 * BUFFER_BYTES // 256)
     os.write(end.writer, data)
-    found = b""
-    while len(found) < len(data):
+    received = b""
+    while len(received) < len(data):
         chunks = end.read(1, 0)
         assert 0 < len(chunks) <= MAX_READS
-        found += b"".join(chunk.data for chunk in chunks)
-    assert found == data
+        received += b"".join(chunk.data for chunk in chunks)
+    assert received == data
 
 
 class Reading:
@@ -187,25 +187,25 @@ def test_a_late_taker_ends_the_loop_with_the_next_bytes(end: ReadEnd) -> None:
 def test_nothing_is_lost_or_doubled_while_two_threads_take(end: ReadEnd) -> None:
     """One reads, one takes as a session that finds nothing now and then; a lost wake-up would never end."""
     pieces = [bytes([n & 255, n >> 8]) for n in range(3000)]
-    found: list[bytes] = []
+    results: list[bytes] = []
     lock = threading.Lock()
     woken = threading.Event()
 
     def collect() -> int:
         with lock:
             chunks = end.loop.take_for(SESSION, FAR_NS)
-            found.append(b"".join(chunk.data for chunk in chunks))
+            results.append(b"".join(chunk.data for chunk in chunks))
         return len(chunks)
 
     def read() -> None:
-        while sum(map(len, found)) < 2 * len(pieces):
+        while sum(map(len, results)) < 2 * len(pieces):
             end.loop.read(0.5, 0)
             with lock:
-                found.append(b"".join(chunk.data for chunk in end.loop.take_last()))
+                results.append(b"".join(chunk.data for chunk in end.loop.take_last()))
             woken.set()
 
     def take() -> None:
-        while sum(map(len, found)) < 2 * len(pieces):
+        while sum(map(len, results)) < 2 * len(pieces):
             if not collect():
                 assert woken.wait(PATIENCE_S)
                 woken.clear()
@@ -217,7 +217,7 @@ def test_nothing_is_lost_or_doubled_while_two_threads_take(end: ReadEnd) -> None
         os.write(end.writer, piece)
     for thread in threads:
         thread.join(PATIENCE_S)
-    assert b"".join(found) == b"".join(pieces)
+    assert b"".join(results) == b"".join(pieces)
 
 
 def test_the_offset_of_a_clock_is_that_of_the_quickest_comparison() -> None:
@@ -234,17 +234,17 @@ def test_the_offset_of_a_clock_is_that_of_the_quickest_comparison() -> None:
 
 def read_of(follower: ReadFollower) -> bytes:
     """All that it can take now."""
-    taken = b""
+    data = b""
     while True:
         follower.advance()
         memory = follower.memories[0]
         count = int(min(memory.state))
         begin = int(memory.ends[follower.take_count - 1]) if follower.take_count else 0
         if count > follower.take_count:
-            taken += bytes(memory.view[begin : int(memory.ends[count - 1])])
+            data += bytes(memory.view[begin : int(memory.ends[count - 1])])
             follower.take_count = count
         if memory.state[READ_LIMIT] != count or len(follower.memories) == 1:
-            return taken
+            return data
 
 
 def test_a_follower_has_every_read_that_the_session_has_from_then_on(end: ReadEnd) -> None:

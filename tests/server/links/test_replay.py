@@ -141,7 +141,9 @@ def test_a_recording_without_bytes_has_ended(tmp_path: Path) -> None:
     assert asyncio.run(fails(gone.open())).kind == "not-found"
 
 
-def test_a_recording_that_cannot_be_read_any_more_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_that_cannot_be_read_any_more_gives_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As a bag whose next turn finds another file: the thread ended without a word, and the device stayed live."""
 
     def due_chunks(replay: ReplayClock, most: int = 0) -> NoReturn:

@@ -64,16 +64,16 @@ async def test_timestamps_are_taken_in_the_reading_thread() -> None:
 async def test_a_burst_is_one_wake_up() -> None:
     with pty() as port:
         async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
-            found, attempts = b"", 0
-            while found != b"x" * 1000:  # a busy machine may not have read all of it yet
+            results, attempts = b"", 0
+            while results != b"x" * 1000:  # a busy machine may not have read all of it yet
                 attempts += 1
-                assert attempts < 10, len(found)
+                assert attempts < 10, len(results)
                 for _ in range(50):
                     port.write(b"x" * 20)
                 await asyncio.sleep(0.05 * attempts)
-                found = joined(await link.read())
-                if len(found) < 1000:
-                    await gather(link, 1000 - len(found))
+                results = joined(await link.read())
+                if len(results) < 1000:
+                    await gather(link, 1000 - len(results))
 
 
 async def test_write_reaches_the_device() -> None:
@@ -157,7 +157,7 @@ async def test_a_port_in_use_names_its_owner() -> None:
 
 
 @each_row("how", [("O_RDWR", "lock"), ("O_RDWR",), ("O_RDONLY",)])
-async def test_a_port_of_another_program_says_how_both_can_use_it(how: tuple[str, ...]) -> None:
+async def test_a_port_of_another_program_states_how_both_can_use_it(how: tuple[str, ...]) -> None:
     """Regression: most drivers ask for no lock, and lost half of their bytes to a server that was started later."""
     with pty() as port, program_with(port.path, *how) as program:
         before = termios.tcgetattr(port._slave)
@@ -238,15 +238,15 @@ def test_a_free_port_has_no_owner() -> None:
     assert holder("/dev/ttyNope") == ""
 
 
-@each_row(("text", "told"), [("16\n", True), ("2", True), ("1\n", False), ("odd", False), (None, False)])
-def test_a_high_latency_timer_is_reported_with_its_fix(tmp_path: Path, text: str | None, told: bool) -> None:
+@each_row(("text", "report"), [("16\n", True), ("2", True), ("1\n", False), ("odd", False), (None, False)])
+def test_a_high_latency_timer_is_reported_with_its_fix(tmp_path: Path, text: str | None, report: bool) -> None:
     folder = tmp_path / "bus/usb-serial/devices/ttyUSB7"
     folder.mkdir(parents=True)
     if text is not None:
         (folder / "latency_timer").write_text(text)
     notices = latency_notices("/dev/ttyUSB7", tmp_path)
-    assert len(notices) == told
-    if told:
+    assert len(notices) == report
+    if report:
         assert f"up to {int(text or 0)} ms" in notices[0]
         assert "echo 1 | sudo tee" in notices[0]
         assert 'ATTR{latency_timer}="1"' in notices[0]
@@ -275,7 +275,7 @@ def test_a_device_that_is_no_terminal_is_not_even_opened(
     assert str(place) not in used
 
 
-def test_a_terminal_is_told_by_the_system_without_opening_it(tmp_path: Path) -> None:
+def test_a_terminal_is_recognised_without_opening_it(tmp_path: Path) -> None:
     about = os.stat("/dev/null")
     folder = tmp_path / f"sys/dev/char/{os.major(about.st_rdev)}:{os.minor(about.st_rdev)}"
     assert may_be_terminal("/dev/null", tmp_path), "the system does not tell"

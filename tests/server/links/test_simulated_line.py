@@ -36,41 +36,41 @@ def test_frames_are_cut_at_frames() -> None:
 def test_a_faultless_line_changes_nothing(noise: bytes, step: int) -> None:
     cable = SimulatedLine(LineFaults(), 0, "xbus")
     data = noise + b"".join(FRAMES[:5])
-    heard = b""
+    received = b""
     for at in range(0, len(data), step):
         cable.send(data[at : at + step], at)
-        heard += cable.arrived(FOREVER)
-    assert data.startswith(heard)
-    assert len(data) - len(heard) <= len(noise) + len(b"".join(FRAMES[:5]))
+        received += cable.arrived(FOREVER)
+    assert data.startswith(received)
+    assert len(data) - len(received) <= len(noise) + len(b"".join(FRAMES[:5]))
 
 
 def test_drop_loses_whole_frames_in_the_given_share() -> None:
     cable = SimulatedLine(LineFaults(drop=0.3), 1, "xbus")
     cable.send(b"".join(FRAMES), 0)
-    kept, rest = frames_of(cable.arrived(FOREVER), "xbus")
+    stored, rest = frames_of(cable.arrived(FOREVER), "xbus")
     assert rest == b""
-    assert set(kept) <= set(FRAMES)
-    assert 0.55 * len(FRAMES) < len(kept) < 0.85 * len(FRAMES)
+    assert set(stored) <= set(FRAMES)
+    assert 0.55 * len(FRAMES) < len(stored) < 0.85 * len(FRAMES)
 
 
 def test_corrupt_flips_one_bit_of_the_given_share() -> None:
     cable = SimulatedLine(LineFaults(corrupt=0.3), 1, "xbus")
     cable.send(b"".join(FRAMES), 0)
-    heard = cable.arrived(FOREVER)
+    received = cable.arrived(FOREVER)
     sent = b"".join(FRAMES)
-    assert len(heard) == len(sent)
-    flips = [(a ^ b).bit_count() for a, b in zip(sent, heard, strict=True)]
+    assert len(received) == len(sent)
+    flips = [(a ^ b).bit_count() for a, b in zip(sent, received, strict=True)]
     assert max(flips) == 1
     assert 0.15 * len(FRAMES) < sum(flips) < 0.45 * len(FRAMES)
 
 
 def test_the_same_seed_makes_the_same_faults() -> None:
-    heard = []
+    received = []
     for _ in range(2):
         cable = SimulatedLine(LineFaults(drop=0.1, corrupt=0.1), 7, "xbus")
         cable.send(b"".join(FRAMES), 0)
-        heard.append(cable.arrived(FOREVER))
-    assert heard[0] == heard[1]
+        received.append(cable.arrived(FOREVER))
+    assert received[0] == received[1]
 
 
 def test_bytes_take_their_transmission_time() -> None:
@@ -87,9 +87,9 @@ def test_bytes_take_their_transmission_time() -> None:
 def test_a_line_that_is_too_slow_overflows_and_counts() -> None:
     cable = SimulatedLine(LineFaults(baud=10_000), 0, "xbus")
     cable.send(b"".join(FRAMES), 0)
-    heard = cable.arrived(FOREVER)
-    assert len(heard) + cable.overflowed == sum(map(len, FRAMES))
-    assert 400 < len(heard) < 700  # about half a second of it
+    received = cable.arrived(FOREVER)
+    assert len(received) + cable.overflowed == sum(map(len, FRAMES))
+    assert 400 < len(received) < 700  # about half a second of it
 
 
 def test_bursts_follow_the_latency_timer() -> None:
@@ -148,20 +148,20 @@ def test_the_right_rate_receives_the_sent_bytes(baud: int) -> None:
     assert misread_at(data, baud, round(baud * 0.98)) == data
 
 
-@each_row(("sent", "heard"), [(115_200, 9600), (115_200, 921_600), (57_600, 115_200), (115_200, 57_600)])
-def test_a_wrong_rate_receives_a_realistic_amount_of_noise(sent: int, heard: int) -> None:
+@each_row(("sent", "received"), [(115_200, 9600), (115_200, 921_600), (57_600, 115_200), (115_200, 57_600)])
+def test_a_wrong_rate_receives_a_realistic_amount_of_noise(sent: int, received: int) -> None:
     data = random.Random(0).randbytes(1000)
-    noise = misread_at(data, sent, heard)
+    noise = misread_at(data, sent, received)
     assert noise
     assert noise != data
-    assert len(noise) <= len(data) * heard / sent * 10 / 9.5 + 1  # a byte is over in the middle of its stop bit
-    if heard * 4 < sent:
+    assert len(noise) <= len(data) * received / sent * 10 / 9.5 + 1  # a byte is over in the middle of its stop bit
+    if received * 4 < sent:
         assert len(noise) < len(data)
 
 
 @given(st.binary(max_size=60), st.integers(1, 4_000_000), st.integers(1, 4_000_000))
-def test_any_pair_of_rates_ends(data: bytes, sent: int, heard: int) -> None:
-    assert len(misread_at(data, sent, heard)) <= 10 * len(data) + 1
+def test_any_pair_of_rates_ends(data: bytes, sent: int, received: int) -> None:
+    assert len(misread_at(data, sent, received)) <= 10 * len(data) + 1
 
 
 def test_noise_costs_time_in_proportion_to_its_bytes() -> None:
@@ -203,9 +203,9 @@ def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
     cable = SimulatedLine(LineFaults(baud=921_600, dead_baud=921_600), 0, "xbus")
     sent = b"".join(FRAMES[:20])
     cable.send(sent, 0)
-    heard = cable.arrived(FOREVER, 921_600)
-    assert heard
-    assert not any(one in heard for one in FRAMES[:20])
+    received = cable.arrived(FOREVER, 921_600)
+    assert received
+    assert not any(one in received for one in FRAMES[:20])
     cable.baud = 115_200
     cable.send(sent, FOREVER)
     assert cable.arrived(2 * FOREVER, 115_200) == sent

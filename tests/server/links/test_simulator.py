@@ -179,7 +179,7 @@ async def test_a_simulator_at_another_rate_is_noise_until_the_port_follows() -> 
     await link.close()
 
 
-def test_a_fault_in_a_simulator_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_fault_in_a_simulator_resembles_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
     class Faulty(PeriodicDevice):
         def advance(self, now_ns: int) -> bytes:
             if self.sent > 5:
@@ -362,7 +362,7 @@ async def test_a_simulator_keeps_what_it_stored_when_its_power_fails() -> None:
 async def test_restore_bytes_bring_a_lost_device_back() -> None:
     """At 921 600 Bd the device is unreachable; 0xDE during power-up makes it start at 115 200 Bd."""
 
-    async def knock(link: Link) -> None:
+    async def connect(link: Link) -> None:
         while True:
             await link.write(b"\xde")
             await asyncio.sleep(0.0003)
@@ -376,13 +376,13 @@ async def test_restore_bytes_bring_a_lost_device_back() -> None:
         return True
 
     async def starts_at_another_rate(link: SimulatorLink) -> bool:
-        knocking = asyncio.create_task(knock(link))
+        connecting = asyncio.create_task(connect(link))
         try:
             cycle(link)
             if not await comes(link, build(0x3E)):
                 return False
         finally:
-            knocking.cancel()
+            connecting.cancel()
         await link.write(build(0x3F) + build(0x18))  # within half a second of its WakeUp
         return await comes(link, build(0x19, b"\x02"))
 

@@ -158,11 +158,11 @@ async def test_listener_lets_a_returning_device_replace_its_silent_connection() 
 @each_row("scheme", ["tcp-listen", "udp"])
 def test_a_port_in_use(scheme: str) -> None:
     kind = socket.SOCK_STREAM if scheme == "tcp-listen" else socket.SOCK_DGRAM
-    with socket.socket(socket.AF_INET, kind) as taken:
-        taken.bind(("127.0.0.1", 0))
+    with socket.socket(socket.AF_INET, kind) as busy:
+        busy.bind(("127.0.0.1", 0))
         if kind == socket.SOCK_STREAM:
-            taken.listen()
-        port = taken.getsockname()[1]
+            busy.listen()
+        port = busy.getsockname()[1]
         error = asyncio.run(fails(open_link(f"{scheme}://127.0.0.1:{port}", settings()).open()))
     assert error.kind == "busy"
     assert str(port) in error.message

@@ -45,22 +45,22 @@ class Elements(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
+        values = dict(attrs)
         self.tags.add(tag)
-        if name := given.get("id"):
+        if name := values.get("id"):
             self.ids[name] += 1
-        if tag == "a" and (link := given.get("href")):
+        if tag == "a" and (link := values.get("href")):
             self.links.add(link)
 
 
 def test_generated_files_are_marked() -> None:
     """A reviewer does not read them, and what counts lines does not count them."""
-    found = subprocess.check_output(
+    results = subprocess.check_output(
         ["git", "grep", "-lE", GENERATED, "--", "*.md", "*.ts"], cwd=ROOT, text=True
     ).split()
-    assert len(found) > 1
+    assert len(results) > 1
     marked = {line.split()[0] for line in (ROOT / ".gitattributes").read_text().splitlines() if "generated" in line}
-    assert not [name for name in found if name not in marked]
+    assert not [name for name in results if name not in marked]
 
 
 @each_row("name", PAGES)

@@ -43,8 +43,8 @@ class Log:
         return [json.loads(line) for line in self.text.splitlines()]
 
     def until(self, done: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        found: list[dict[str, Any]] = block_until(lambda: [one for one in self.lines if done(one)], lambda: self.text)
-        return found[0]
+        results: list[dict[str, Any]] = block_until(lambda: [one for one in self.lines if done(one)], lambda: self.text)
+        return results[0]
 
 
 @pytest.fixture
@@ -103,8 +103,8 @@ def test_refusals_are_logged_without_the_token(log: Log, tmp_path: Path) -> None
         wrong = running.client.get("/api/devices", params={"token": CONTROL}, headers={"host": f"{'c' * 12}.example"})
         assert wrong.status_code == 403
         running.client.get("/?token=" + "c" * 12, follow_redirects=False)
-    told = log.until(lambda line: line["event"] == "refused" and line["kind"] == "bad-token")
-    assert (told["status"], told["path"], told["peer"]) == (401, "/api/devices", "127.0.0.1")
+    report = log.until(lambda line: line["event"] == "refused" and line["kind"] == "bad-token")
+    assert (report["status"], report["path"], report["peer"]) == (401, "/api/devices", "127.0.0.1")
     log.until(lambda line: line["event"] == "refused" and line["kind"] == "bad-host")
     assert "nonsense" not in log.text
     assert CONTROL not in log.text
@@ -118,9 +118,9 @@ def test_the_command_line_writes_one_object_a_line(tmp_path: Path) -> None:
         answer = get(f"{server.url}/api/devices", headers={"host": "evil.example", "cookie": "t=look-look-look"})
         assert answer.status_code == 403
         block_until(lambda: '"refused"' in server.log and '"live"' in server.log, lambda: server.log)
-    told = [json.loads(line) for line in server.lines if not line.startswith("http://")]
-    assert {"start", "device", "link", "refused"} <= {line["event"] for line in told}
-    assert all({"time", "level", "event", "device", "message"} <= line.keys() for line in told)
+    messages = [json.loads(line) for line in server.lines if not line.startswith("http://")]
+    assert {"start", "device", "link", "refused"} <= {line["event"] for line in messages}
+    assert all({"time", "level", "event", "device", "message"} <= line.keys() for line in messages)
     assert "look-look-look" not in server.log
     assert "act-act-act" not in server.log
 
@@ -145,12 +145,12 @@ def test_a_line_cannot_be_forged() -> None:
     assert "\n" not in line
     assert "\x1b" not in line
     assert line.endswith("warning [1] gone\\n2026-01-01 00:00:00 info all is well\\x1b[2J")
-    told = logging_setup.JsonFormatter([]).format(record("gone\n}"))
-    assert "\n" not in told
-    assert json.loads(told)["message"] == "gone\n}"
+    report = logging_setup.JsonFormatter([]).format(record("gone\n}"))
+    assert "\n" not in report
+    assert json.loads(report)["message"] == "gone\n}"
 
 
-def test_times_are_utc_and_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_are_utc_and_marked_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """The page and files have UTC: a line of the log has to be found by the time of an event there."""
     monkeypatch.setenv("TZ", "Asia/Tokyo")
     time.tzset()

@@ -160,15 +160,15 @@ def test_layouts_of_one_drain_are_merged_in_stream_order() -> None:
     some = Message(1, "MTData2", (acc,), channel_per_field=True)
     offsets = {"both": [0, 30, 60], "some": [10, 20, 40, 50]}
     values = {name: np.array(at, "f4")[:, None].repeat(3, 1) for name, at in offsets.items()}
-    found = split(
+    results = split(
         page,
         batch(both, {"Acceleration": values["both"], "BaroPressure": np.array([1, 2, 3], "u4")}, offsets["both"]),
         batch(some, {"Acceleration": values["some"]}, offsets["some"]),
     )
     assert len(page.infos) == 2
-    for column in found["Acceleration"]:
+    for column in results["Acceleration"]:
         assert column.tolist() == [0, 10, 20, 30, 40, 50, 60]
-    assert found["BaroPressure"][2].tolist() == [1, 2, 3]
+    assert results["BaroPressure"][2].tolist() == [1, 2, 3]
 
 
 def test_a_channel_keeps_its_id_and_a_changed_one_gets_a_new_one() -> None:
@@ -194,11 +194,11 @@ def test_any_other_message_is_one_channel() -> None:
     page = FakePage()
     row = Message(1, "INS", (Field("theta", "f4", (3,)), Field("week", "u4"), Field("week2", "u4")), title="Inertial")
     columns = {"theta": np.zeros((2, 3), "f4"), "week": np.zeros(2, "u4"), "week2": np.zeros(2, "u4")}
-    found = split(page, batch(row, columns, [0, 1], timed=False))
+    result = split(page, batch(row, columns, [0, 1], timed=False))
     (info,) = page.infos
     assert (info.name, info.title, info.kind) == ("INS", "Inertial", "record")
     assert [column.name for column in info.columns] == ["theta_0", "theta_1", "theta_2", "week", "week2"]
-    assert len(found["INS"]) == 7
+    assert len(result["INS"]) == 7
 
 
 def test_displayed_units_are_degrees_and_metres() -> None:
@@ -226,14 +226,14 @@ def test_fields_with_separate_channels() -> None:
     page = FakePage()
     channels = ChannelRegistry("d", page)
     channels.split([(event, np.zeros(len(event))) for event in decoder.drain() if isinstance(event, Batch)])
-    found = page.infos
-    kinds = {info.name: info.kind for info in found}
+    results = page.infos
+    kinds = {info.name: info.kind for info in results}
     assert kinds["DID_INS_1.theta"] == "euler"
     assert kinds["DID_INS_1.insStatus"] == "status"
     assert kinds["DID_IMU.I.pqr"] == "vector"
     assert "DID_IMU" not in kinds
     assert kinds["DID_INS_1"] == "record"
-    lla = next(info for info in found if info.name == "DID_INS_1.lla")
+    lla = next(info for info in results if info.name == "DID_INS_1.lla")
     assert [(column.name, column.unit) for column in lla.columns] == [("lat", "°"), ("lon", "°"), ("alt", "m")]
     assert (lla.frame, lla.title, lla.group) == ("WGS84", "Position", "INS 1")
 
@@ -254,6 +254,6 @@ def test_a_channel_that_cannot_be_described_costs_no_other(monkeypatch: pytest.M
     monkeypatch.setattr(channels, "_column_infos", broken)
     row = Message(1, "M", (Field("Good", "<f4", (2,)), Field("Bad", "<f4", (2,))), channel_per_field=True)
     page = FakePage()
-    found = split(page, batch(row, {"Good": np.zeros((3, 2)), "Bad": np.zeros((3, 2))}, [0, 9, 18]))
-    assert found.keys() == {"Good"}
+    result = split(page, batch(row, {"Good": np.zeros((3, 2)), "Bad": np.zeros((3, 2))}, [0, 9, 18]))
+    assert result.keys() == {"Good"}
     assert [info.name for info in page.infos] == ["Good"]

@@ -63,7 +63,7 @@ class Browser:
         for channel in message.get("channels", []) if message["op"] == "channels" else []:
             self.dtypes[channel["id"]] = [column["dtype"] for column in channel["columns"]]
 
-    def said(self, op: str) -> list[dict[str, Any]]:
+    def messages_of(self, op: str) -> list[dict[str, Any]]:
         return [text for text in self.texts if text["op"] == op]
 
 
@@ -101,10 +101,10 @@ def test_a_late_browser_sees_everything_once(steps: list[tuple[int, str]], data:
     browser.take()
     for channel in channels:
         assert browser.sequences.get(channel, []) == list(range(telemetry.store.of(channel).ring.total))
-    assert len(browser.said("history_end")) == 1
+    assert len(browser.messages_of("history_end")) == 1
 
 
-def test_history_reaches_as_far_as_asked() -> None:
+def test_history_reaches_as_far_as_requested() -> None:
     clock = FakeClock()
     telemetry = Telemetry.create(clock)
     channel = telemetry.bus.advertise(info())
@@ -164,8 +164,8 @@ def test_a_new_channel_is_described_before_its_samples_and_once() -> None:
     telemetry.clients.flush()
     browser.take()
     assert browser.sequences[channel] == list(range(6))
-    told = [one["id"] for text in browser.said("channels") for one in text["channels"]]
-    assert told == [channel]
+    messages = [one["id"] for text in browser.messages_of("channels") for one in text["channels"]]
+    assert messages == [channel]
 
 
 def test_events_reach_late_and_early_browsers_in_order_and_once() -> None:
@@ -180,7 +180,7 @@ def test_events_reach_late_and_early_browsers_in_order_and_once() -> None:
     telemetry.clients.flush()
     for browser in (early, late):
         browser.take()
-        events = [event for text in browser.said("events") for event in text["events"]]
+        events = [event for text in browser.messages_of("events") for event in text["events"]]
         assert [event["seq"] for event in events] == list(range(7))
 
 
@@ -200,10 +200,10 @@ def test_dropped_samples_are_in_this_browsers_health_only() -> None:
     telemetry.bus.health.publish({figures.device: figures})
     slow.take()
     quick.take()
-    told = 200 - len(slow.sequences[channel])
-    assert 0 < told < 200
-    assert slow.said("health")[-1]["devices"][0]["dropped"] == told
-    assert quick.said("health")[-1]["devices"][0]["dropped"] == 0
+    report = 200 - len(slow.sequences[channel])
+    assert 0 < report < 200
+    assert slow.messages_of("health")[-1]["devices"][0]["dropped"] == report
+    assert quick.messages_of("health")[-1]["devices"][0]["dropped"] == 0
     assert quick.sequences[channel] == list(range(200))
 
 
@@ -327,8 +327,8 @@ async def test_samples_without_a_viewer_are_history_and_wake_no_client() -> None
     telemetry.clients.flush()
     browser.take()
     assert browser.sequences == {channel: [0, 1, 2, 3, 4]}
-    told = [event["text"] for text in browser.texts if text["op"] == "events" for event in text["events"]]
-    assert told == ["before"]
+    messages = [event["text"] for text in browser.texts if text["op"] == "events" for event in text["events"]]
+    assert messages == ["before"]
     telemetry.clients.detach(browser.outbox)
     publish(telemetry, channel, 2)
     late = Browser(telemetry)

@@ -24,22 +24,22 @@ def test_stored_samples_are_returned(sizes: list[int], data: st.DataObject) -> N
     for size in sizes:
         ring.append(rows(ring.total, size))
     assert ring.total == sum(sizes)
-    for wanted, got in zip(rows(0, ring.total), ring.read(), strict=True):
-        np.testing.assert_array_equal(wanted, got)
+    for expected, got in zip(rows(0, ring.total), ring.read(), strict=True):
+        np.testing.assert_array_equal(expected, got)
     some = data.draw(st.sets(st.sampled_from(range(len(DTYPES)))))
     first = data.draw(st.integers(0, ring.total + 1))
     whole = ring.read(first)
-    for wanted, got in zip([whole[at] for at in sorted(some)], ring.read(first, some), strict=True):
-        np.testing.assert_array_equal(wanted, got)
-        assert wanted.dtype == got.dtype
+    for expected, got in zip([whole[at] for at in sorted(some)], ring.read(first, some), strict=True):
+        np.testing.assert_array_equal(expected, got)
+        assert expected.dtype == got.dtype
     start = data.draw(st.integers(0, ring.total))
     stop = data.draw(st.integers(start, ring.total))
     at = start
     for n, frame in ring.frames(3, start, stop, 1.0) if start < stop else ():
-        (found,) = decode_samples(frame, {3: DTYPES})
-        assert (found.sequence, found.n, found.history) == (at, n, False)
-        for wanted, got in zip(rows(at, n), found.columns, strict=True):
-            np.testing.assert_array_equal(wanted, got)
+        (result,) = decode_samples(frame, {3: DTYPES})
+        assert (result.sequence, result.n, result.history) == (at, n, False)
+        for expected, got in zip(rows(at, n), result.columns, strict=True):
+            np.testing.assert_array_equal(expected, got)
         at += n
     assert at == stop
 
@@ -52,8 +52,8 @@ def test_history_is_contiguous_backwards(total: int, start: int, dropped: int) -
     for _ in range(dropped):
         ring.drop_oldest()
     stop = total
-    while (found := ring.history_frame(1, start, stop, 1.0)) is not None:
-        began, arrival, frame = found
+    while (result := ring.history_frame(1, start, stop, 1.0)) is not None:
+        began, arrival, frame = result
         (samples,) = decode_samples(frame, {1: DTYPES})
         assert samples.history
         assert began == samples.sequence

@@ -32,8 +32,8 @@ def test_sent_plus_dropped_is_everything(steps: list[tuple[int, int, bool]]) -> 
     """Per channel: sequence numbers that arrive and the `dropped` before them account for every sample, in order."""
     box = outbox(limit=1500)
     total = dict.fromkeys((1, 2, 3), 0)
-    seen = dict.fromkeys((1, 2, 3), 0)
-    told = dict.fromkeys((1, 2, 3), 0)
+    observed = dict.fromkeys((1, 2, 3), 0)
+    report = dict.fromkeys((1, 2, 3), 0)
     received = b""
     for channel, n, is_taken in steps:
         box.offer(Packet.of([frame(channel, total[channel], n), frame(3, total[3] + (n if channel == 3 else 0), 1)]))
@@ -47,14 +47,14 @@ def test_sent_plus_dropped_is_everything(steps: list[tuple[int, int, bool]]) -> 
         received += message
     for samples in decode_samples(received, {1: ["f8"], 2: ["f8"], 3: ["f8"]}):
         channel = samples.channel
-        assert samples.sequence == seen[channel] + samples.dropped
-        seen[channel] = samples.sequence + samples.n
-        told[channel] += samples.dropped
+        assert samples.sequence == observed[channel] + samples.dropped
+        observed[channel] = samples.sequence + samples.n
+        report[channel] += samples.dropped
     for channel in (1, 2, 3):
-        assert seen[channel] <= total[channel]
-        assert told[channel] <= box.dropped_of.get(channel, 0)
-        if seen[channel] == total[channel]:
-            assert told[channel] == box.dropped_of.get(channel, 0)
+        assert observed[channel] <= total[channel]
+        assert report[channel] <= box.dropped_of.get(channel, 0)
+        if observed[channel] == total[channel]:
+            assert report[channel] == box.dropped_of.get(channel, 0)
 
 
 def test_samples_that_a_removed_channel_lost_do_not_hold_the_others_up() -> None:
@@ -75,8 +75,8 @@ def payload(data: bytes) -> bytes:
     head, length = data[0], data[1]
     assert head == 0x82
     at = {126: 4, 127: 10}.get(length, 2)
-    said = length if at == 2 else int.from_bytes(data[2:at], "big")
-    assert len(data) == at + said
+    message = length if at == 2 else int.from_bytes(data[2:at], "big")
+    assert len(data) == at + message
     return data[at:]
 
 
@@ -95,7 +95,7 @@ def test_immediate_messages_keep_their_order_and_are_sent_once(steps: list[str])
     box.subscribe(None, NOTHING, "")
     assert box.take_history(0.0) is None
     assert box.pop() == ""
-    total, said = 0, 0
+    total, output = 0, 0
     for step in [*steps, *["take"] * len(steps)]:
         if step in ("offer", "large"):
             n = 3 if step == "offer" else 3000
@@ -103,7 +103,7 @@ def test_immediate_messages_keep_their_order_and_are_sent_once(steps: list[str])
             total += n
         elif step == "say":
             box.put_message(f"{total}")
-            said += 1
+            output += 1
         elif step == "take":
             if (message := box.pop()) is not None:
                 wire.append(message)
@@ -118,7 +118,7 @@ def test_immediate_messages_keep_their_order_and_are_sent_once(steps: list[str])
             assert samples.sequence == at + samples.dropped
             at = samples.sequence + samples.n
             dropped += samples.dropped
-    assert sum(isinstance(message, str) for message in wire) == said
+    assert sum(isinstance(message, str) for message in wire) == output
     assert dropped <= box.dropped
     assert at == total or box.dropped > dropped
 
@@ -211,11 +211,11 @@ def test_history_is_newest_first_and_one_message_at_a_time() -> None:
     newest = float("inf")
     while (message := history.pop(0.0, limit=50_000)) is not None:
         assert len(message) < 50_000 + 70_000
-        found = decode_samples(message, {1: ["f4"], 2: ["f8"]})
-        for samples in found:
+        results = decode_samples(message, {1: ["f4"], 2: ["f8"]})
+        for samples in results:
             assert samples.history
             assert samples.sequence + samples.n == ends[samples.channel]
             ends[samples.channel] = samples.sequence
-        assert found[0].columns[0][-1] <= newest + 150  # messages go back in time, to within a block
-        newest = found[0].columns[0][-1]
+        assert results[0].columns[0][-1] <= newest + 150  # messages go back in time, to within a block
+        newest = results[0].columns[0][-1]
     assert ends == {1: 0, 2: 0}

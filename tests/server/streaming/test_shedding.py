@@ -58,7 +58,7 @@ def test_pages_and_pictures_wait_longer_while_decoding_is_behind() -> None:
     ("ran", "waited", "reason"),
     [(0.1, 0.0, ""), (0.5, 0.1, ""), (0.3, 0.6, "others"), (0.7, 0.29, "others"), (0.9, 0.05, "decoding")],
 )
-def test_a_reason_is_told_only_if_it_is_counted(tmp_path: Path, ran: float, waited: float, reason: str) -> None:
+def test_a_reason_is_reported_only_if_it_is_counted(tmp_path: Path, ran: float, waited: float, reason: str) -> None:
     counters = tmp_path / "schedstat"
     use = ProcessorUse(counters)
     use.update(0.0)

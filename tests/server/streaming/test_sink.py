@@ -112,9 +112,9 @@ def test_every_sink_receives_the_same_data(recording: RecordingSink) -> None:
         pieces = lists.rows[channel.info.id]
         for k, column in enumerate(channel.ring.read()):
             np.testing.assert_array_equal(column, np.concatenate([piece.columns[k] for piece in pieces]))
-    told = [(event.kind, event.text, event.samples) for event in lists.events]
-    assert {kind for kind, _, _ in told} >= {"gap", "reject"}
-    assert [(event.kind, event.text, event.samples) for event in recording.events] == told
+    messages = [(event.kind, event.text, event.samples) for event in lists.events]
+    assert {kind for kind, _, _ in messages} >= {"gap", "reject"}
+    assert [(event.kind, event.text, event.samples) for event in recording.events] == messages
     assert lists.devices["1"].name == telemetry.bus.devices.latest["1"].name
 
 

@@ -92,7 +92,7 @@ def test_other_replies_are_left_alone() -> None:
     assert not UnknownPayloadTracker("1").reply(Reply(message, {"device_id": 3}, 0, 8, 0))
 
 
-def test_the_calibration_that_a_recording_asks_for_is_no_unknown_payload() -> None:
+def test_the_calibration_that_a_recording_requests_is_no_unknown_payload() -> None:
     telemetry, payloads = played(XbusDecoder(), xbus_frame(0x91, bytes(256)), xbus_frame(0xAD, bytes(4)))
     assert [one.name for one in payloads] == ["GnssReceiverSettingsAck"]
     assert not any(event.kind == "reply" for event in telemetry.bus.events_since(0.0))
@@ -100,8 +100,8 @@ def test_the_calibration_that_a_recording_asks_for_is_no_unknown_payload() -> No
 
 def test_unknown_payloads_are_sent_until_there_are_none() -> None:
     telemetry, payloads = played(IdtpDecoder(), vendor(1))
-    told: list[int] = []
-    telemetry.bus.unknown_payloads.subscribe(lambda report: told.append(len(report)))
+    messages: list[int] = []
+    telemetry.bus.unknown_payloads.subscribe(lambda report: messages.append(len(report)))
     for report in ([], payloads, payloads, [], []):
         telemetry.bus.report_unknown_payloads(report)
-    assert told == [1, 1, 0]
+    assert messages == [1, 1, 0]

@@ -36,14 +36,14 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], s
 async def test_it_answers_requests(module: Callable[[str], str]) -> None:
     worker = await Worker.start(module(ECHO))
     worker.request({"path": "ä.mcap"})
-    assert [told async for told in worker] == [{"asked": {"path": "ä.mcap"}, "words": []}]
+    assert [report async for report in worker] == [{"asked": {"path": "ä.mcap"}, "words": []}]
     assert await worker.wait() == 0
     assert not worker.is_running
 
 
 async def test_an_unfinished_line_is_not_reported(module: Callable[[str], str]) -> None:
     worker = await Worker.start(module(CUT_SHORT), "a word")
-    assert [told async for told in worker] == [{"progress": 0.5}]
+    assert [report async for report in worker] == [{"progress": 0.5}]
     assert await worker.wait() == 3
 
 

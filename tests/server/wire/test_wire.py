@@ -40,8 +40,8 @@ def test_sample_frames_round_trip(data: st.DataObject, dtypes: list[str], n: int
         1.5,
     )
     assert second.dropped == 9
-    for wanted, got in zip(columns, first.columns, strict=True):
-        assert got.tobytes() == wanted.tobytes()
+    for expected, got in zip(columns, first.columns, strict=True):
+        assert got.tobytes() == expected.tobytes()
 
 
 def test_columns_are_aligned() -> None:
@@ -88,8 +88,8 @@ def test_json_is_readable_by_javascript() -> None:
 
 
 def test_text_round_trip() -> None:
-    asked = wire.Subscribe(history=20.0, channels=[1, 2])
-    assert wire_codec.decode_text(wire_codec.encode_text(asked)) == asked
+    request = wire.Subscribe(history=20.0, channels=[1, 2])
+    assert wire_codec.decode_text(wire_codec.encode_text(request)) == request
     assert wire_codec.decode_text('{"op":"ping","t":1}') == wire.Ping(1.0)
     assert wire_codec.decode_text('{"op":"interval","s":0.05}') == wire.Interval(0.05)
     assert wire_codec.decode_text('{"op":"interval","s":-1}') == wire.Interval(0.0)

@@ -90,20 +90,20 @@ class Child:
             if self.returncode is None:
                 if not select.select([self._end], [], [], timeout)[0]:
                     raise subprocess.TimeoutExpired(self.args, timeout or 0)
-                told = self._end.recv(64).split()
-                self.returncode = int(told[0]) if told else -signal.SIGKILL  # with the nursery, if that was killed
-                self.processor_s = float(told[1]) if told else 0.0
+                report = self._end.recv(64).split()
+                self.returncode = int(report[0]) if report else -signal.SIGKILL  # with the nursery, if that was killed
+                self.processor_s = float(report[1]) if report else 0.0
                 self._end.close()
             return self.returncode
 
     def communicate(self, timeout: float | None = None) -> tuple[str, str]:
         """Remaining output and error output (at most a pipe's capacity), up to the end of the process."""
-        said = tuple(stream.read() if stream else "" for stream in (self.stdout, self.stderr))
+        texts = tuple(stream.read() if stream else "" for stream in (self.stdout, self.stderr))
         self.wait(timeout)
         for stream in (self.stdout, self.stderr):
             if stream:
                 stream.close()
-        return said[0], said[1]
+        return texts[0], texts[1]
 
     def send_signal(self, number: int) -> None:
         """Send a signal, unless it has ended. Its end may be on its way here, when there is nothing left to signal."""
@@ -134,7 +134,7 @@ class ForkServer:
         self._lock = threading.Lock()
         self._line: socket.socket | None = None
 
-    def start(self, arguments: Sequence[str], given: int, out: int, err: int, *, module: str = "") -> Child:
+    def start(self, arguments: Sequence[str], source: int, out: int, err: int, *, module: str = "") -> Child:
         """`imuscope ARGUMENTS`, or `python -m module ARGUMENTS`, running.
 
         Args:
@@ -148,7 +148,7 @@ class ForkServer:
             with other:
                 env = {**os.environ, "PYTHONUNBUFFERED": "1"}
                 request = json.dumps({"argv": [*arguments], "env": env, "module": module}).encode()
-                socket.send_fds(self._line, [request], [given, out, err, other.fileno()])
+                socket.send_fds(self._line, [request], [source, out, err, other.fileno()])
             try:
                 pid = int(self._line.recv(16))
             except (OSError, ValueError):
@@ -257,7 +257,7 @@ class _Nursery:
         self._owner = owner
         self._ends: dict[int, int] = {}
         self._children: dict[socket.socket, set[int]] = {}  # by the connection of who asked for them
-        self._asked_by: dict[int, int] = {}  # child -> process
+        self._requested_by: dict[int, int] = {}  # child -> process
         self._spent_s: dict[int, float] = {}  # process -> processor time of what was forked for it
         self._learnt: set[str] = set()  # of HEAVY
 
@@ -281,35 +281,35 @@ class _Nursery:
     def _answer(self, line: socket.socket) -> _Request | None:
         """Fork once; in the child, what it is asked to do."""
         try:
-            asked, given, _, _ = socket.recv_fds(line, 1 << 20, 4)
+            question, source, _, _ = socket.recv_fds(line, 1 << 20, 4)
         except OSError:
-            asked, given = b"", []
-        if not asked:
+            question, source = b"", []
+        if not question:
             line.close()
             for pid in self._children.pop(line):
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGTERM)
             return None
-        *streams, end = given
-        module = json.loads(asked)["module"]
+        *streams, end = source
+        module = json.loads(question)["module"]
         if module in HEAVY and module not in self._learnt:
             self._learnt.add(module)
             _learn(module, *HEAVY[module])
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGCHLD])  # after its process id is known
-        asked_by = _peer(line)
+        requested_by = _peer(line)
         nursery, pid = os.getpid(), os.fork()
         if pid == 0:
             for one in (self._listener, self._owner, *self._children):
                 one.close()
             for descriptor in (end, *self._ends.values()):
                 os.close(descriptor)
-            request = json.loads(asked)
+            request = json.loads(question)
             if module:
-                Path("/proc/self/comm").write_text(worker_name(module, asked_by))
+                Path("/proc/self/comm").write_text(worker_name(module, requested_by))
             _settle(nursery, request["env"], streams)
             return _Request(request["argv"], request["module"], self._listener_name)
         self._ends[pid] = end
-        self._asked_by[pid] = asked_by
+        self._requested_by[pid] = requested_by
         self._children[line].add(pid)
         for descriptor in streams:
             os.close(descriptor)
@@ -320,15 +320,15 @@ class _Nursery:
 
     def _reap(self, *_: object) -> None:
         with contextlib.suppress(ChildProcessError):
-            while (found := os.wait4(-1, os.WNOHANG))[0]:
-                pid, status, usage = found
+            while (result := os.wait4(-1, os.WNOHANG))[0]:
+                pid, status, usage = result
                 for those in self._children.values():
                     those.discard(pid)
                 end = self._ends.pop(pid)
                 with contextlib.suppress(OSError):  # the test process has ended
                     spent_s = usage.ru_utime + usage.ru_stime + self._spent_s.pop(pid, 0.0)
-                    asked_by = self._asked_by.pop(pid)
-                    self._spent_s[asked_by] = self._spent_s.get(asked_by, 0.0) + spent_s
+                    requested_by = self._requested_by.pop(pid)
+                    self._spent_s[requested_by] = self._spent_s.get(requested_by, 0.0) + spent_s
                     os.write(end, f"{os.waitstatus_to_exitcode(status)} {spent_s:.3f}".encode())
                 os.close(end)
 

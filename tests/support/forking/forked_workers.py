@@ -38,13 +38,13 @@ class ForkedProcess:
 
     def terminate(self) -> None:
         self._child.terminate()
-        self._look()
+        self._check()
 
     def kill(self) -> None:
         self._child.kill()
-        self._look()
+        self._check()
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         """What is sent a signal may be found to have ended, which is told once only."""
         if self._child.returncode is not None and not self._has_ended.is_set():
             self._end()
@@ -76,7 +76,7 @@ def install(nursery: ForkServer) -> None:
 
 def workers_of(server: int, module: str) -> list[int]:
     """Processes that run a module for a server, forked or started, by their parent and their name."""
-    found = []
+    results = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
@@ -86,8 +86,8 @@ def workers_of(server: int, module: str) -> list[int]:
         state, parent = rest.split()[:2]
         started = int(parent) == server and module in command.split("\0")
         if state != "Z" and (started or name == worker_name(module, server)):
-            found.append(int(stat.parent.name))
-    return found
+            results.append(int(stat.parent.name))
+    return results
 
 
 @contextmanager

@@ -56,6 +56,6 @@ to import, which the nursery does when the first one is asked for.
 """
 
 
-def worker_name(module: str, asked_by: int) -> str:
+def worker_name(module: str, requested_by: int) -> str:
     """Name of the process of a forked worker: what it runs, as far as there is room (comm, proc(5)), and for whom."""
-    return f"{module.removesuffix('.worker').rpartition('.')[2][:7]}:{asked_by}"[:15]
+    return f"{module.removesuffix('.worker').rpartition('.')[2][:7]}:{requested_by}"[:15]

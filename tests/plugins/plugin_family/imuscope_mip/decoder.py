@@ -44,14 +44,14 @@ class _Shape:
     def __init__(self, packet: bytes) -> None:
         rows = rows_of(packet)
         places, at = [], HEADER
-        seen: set[str] = set()
+        visited: set[str] = set()
         for row in rows:
             inside = at + 2 + len(row.prefix)
             for field in row.fields:
                 size = size_of(field)
-                if field.name not in seen:
+                if field.name not in visited:
                     places.append((field, ((inside, size),)))
-                seen.add(field.name)
+                visited.add(field.name)
                 inside += size
             at += 2 + row.size
         fields = tuple(field for field, _ in places)

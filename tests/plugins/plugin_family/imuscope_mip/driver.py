@@ -134,14 +134,14 @@ class MipDriver(DeviceDriver):
         return name_of(rows_of(frame)) if frame[:2] == SYNC and len(frame) >= HEADER + SUM else ""
 
     def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
-        return (yield from _ask(self.frame(command, values, known), command))
+        return (yield from _request(self.frame(command, values, known), command))
 
     def alters(self, command: str, values: Values, known: DeviceContext) -> Collection[str]:
         return (ROTATION_NAME,) if command in (f"Load{ROTATION_NAME}", f"Default{ROTATION_NAME}") else ()
 
     def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
         row = _setting(setting)
-        values = yield from _ask(frame_from_json({"message": row.read}), row.read)
+        values = yield from _request(frame_from_json({"message": row.read}), row.read)
         return {field.name: values[field.name] for field in row.fields}
 
     def write(
@@ -149,20 +149,20 @@ class MipDriver(DeviceDriver):
     ) -> Transaction[WriteResult]:
         [frame] = self.setting_frames(setting, values, known, held=held)
         try:
-            yield from _ask(frame, f"Write{setting}")
+            yield from _request(frame, f"Write{setting}")
         except DeviceRejectedError as error:
             return WriteResult(setting, values, refused=error.why)
         got = yield from self.read(setting, known)
         return WriteResult(setting, values, got)
 
     def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
-        values = yield from _ask(frame_from_json({"message": "GetDeviceInformation"}), "GetDeviceInformation")
-        told = identity_of(values)
-        return DeviceContext(**{**{"baud": known.baud, "device": known.device}, **told})
+        values = yield from _request(frame_from_json({"message": "GetDeviceInformation"}), "GetDeviceInformation")
+        report = identity_of(values)
+        return DeviceContext(**{**{"baud": known.baud, "device": known.device}, **report})
 
     def store_and_restart(self, known: DeviceContext) -> Transaction[Sequence[bytes]]:
         """Settings take effect at once and are saved; no restart is needed."""
-        yield from _ask(frame_from_json({"message": f"Save{ROTATION_NAME}"}), f"Save{ROTATION_NAME}")
+        yield from _request(frame_from_json({"message": f"Save{ROTATION_NAME}"}), f"Save{ROTATION_NAME}")
         return ()
 
     def is_alive(self, known: DeviceContext) -> Transaction[bool]:
@@ -198,7 +198,7 @@ def _check(fields: Sequence[Field], values: Values) -> None:
             raise EncodeError(words, field.name)
 
 
-def _ask(frame: bytes, what: str) -> Transaction[dict[str, Any]]:
+def _request(frame: bytes, what: str) -> Transaction[dict[str, Any]]:
     """Send, wait for its Ack; the values of the answer."""
     number, descriptor = frame[2], frame[HEADER + 1]
 

@@ -25,14 +25,14 @@ def rows_of(packet: bytes) -> list[Row]:
     are lost.
     """
     rows: list[Row] = []
-    seen: set[str] = set()
+    visited: set[str] = set()
     unknown: Counter[int] = Counter()
     for number, data in parts_of(packet):
         row = row_of(packet[2], number, len(data), data[0] if data else -1)
-        if _NUMBERS.match(row.name) or not seen.isdisjoint(field.name for field in row.fields):
+        if _NUMBERS.match(row.name) or not visited.isdisjoint(field.name for field in row.fields):
             unknown[number] += 1
             row = row_of_bytes(packet[2], number, len(data), unknown[number])
-        seen.update(field.name for field in row.fields)
+        visited.update(field.name for field in row.fields)
         rows.append(row)
     return rows
 

@@ -19,7 +19,7 @@ from imuscope.plugin import BAD_CHECKSUM, BAD_SIZE, FRAME, TRUNCATED, Bytes, Int
 
 SYNC = b"\x75\x65"
 HEADER, SUM = 4, 2
-LONGEST = HEADER + 255 + SUM
+MAX_PACKET = HEADER + 255 + SUM
 Part = tuple[int, bytes]
 """Descriptor and data of one field."""
 
@@ -62,12 +62,12 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
     raw = data.tobytes()
     done = failed = framed = 0
     while done < table.shape[1]:
-        found = raw.find(SYNC, at)
-        if found < 0:
+        result = raw.find(SYNC, at)
+        if result < 0:
             at = len(raw) - (not final and raw.endswith(SYNC[:1]) and at < len(raw))
             break
-        at, left = found, len(raw) - found
-        size = HEADER + raw[at + 3] + SUM if left >= HEADER else LONGEST
+        at, left = result, len(raw) - result
+        size = HEADER + raw[at + 3] + SUM if left >= HEADER else MAX_PACKET
         if size > left:
             if not final:
                 break

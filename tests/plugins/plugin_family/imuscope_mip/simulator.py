@@ -79,15 +79,15 @@ class MipSimulator:
         self._streaming = True
         self._block = 0
         self._waiting: list[tuple[int, bytes]] = []
-        self._heard = b""
-        self._again: Callable[[int, Stored], MipSimulator] = lambda at, kept: MipSimulator(
+        self._input = b""
+        self._again: Callable[[int, Stored], MipSimulator] = lambda at, copy: MipSimulator(
             rate=rate,
             seed=seed,
             start_ns=at,
             baud=baud,
             clock_drift_ppm=clock_drift_ppm,
             clock_jump=clock_jump,
-            stored=kept,
+            stored=copy,
         )
 
     def repowered(self, start_ns: int) -> MipSimulator:
@@ -160,18 +160,18 @@ class MipSimulator:
     def receive(self, data: bytes, now_ns: int) -> bytes:
         """Bytes from the host; what it answers, and what it had to send by then."""
         out = [self.advance(now_ns)]
-        self._heard += data
-        while (at := self._heard.find(SYNC)) >= 0:
-            self._heard = self._heard[at:]
-            if len(self._heard) < HEADER or len(self._heard) < (size := HEADER + self._heard[3] + SUM):
+        self._input += data
+        while (at := self._input.find(SYNC)) >= 0:
+            self._input = self._input[at:]
+            if len(self._input) < HEADER or len(self._input) < (size := HEADER + self._input[3] + SUM):
                 return b"".join(out)
-            packet = self._heard[:size]
+            packet = self._input[:size]
             if packet[-SUM:] != checksum(packet[:-SUM]):
-                self._heard = self._heard[len(SYNC) :]
+                self._input = self._input[len(SYNC) :]
                 continue
-            self._heard = self._heard[size:]
+            self._input = self._input[size:]
             out += [self._answer(packet[2], number, part) for number, part in parts_of(packet)]
-        self._heard = self._heard[-1:] if self._heard.endswith(SYNC[:1]) else b""
+        self._input = self._input[-1:] if self._input.endswith(SYNC[:1]) else b""
         return b"".join(out)
 
     def _answer(self, number: int, descriptor: int, data: bytes) -> bytes:

@@ -42,8 +42,8 @@ def test_streams_of_a_gpx_are_read_and_written_without_an_imx_rmc() -> None:
     with pytest.raises(DeviceRejectedError):
         play(DRIVER.run("GET_DID_RMC", {}, KNOWN), there)
     assert streams(there) == {13: 1, 30: 1, 15: 5, 123: 500}
-    wanted = [{"did": 13, "period": 2}, {"did": 123, "period": 500}]
-    written = play(DRIVER.write("streams", {"streams": wanted, "options": 0}, KNOWN), there)
+    expected = [{"did": 13, "period": 2}, {"did": 123, "period": 500}]
+    written = play(DRIVER.write("streams", {"streams": expected, "options": 0}, KNOWN), there)
     assert written.refused == ""
     assert streams(there) == {13: 2, 123: 500}
 
@@ -81,16 +81,16 @@ def test_its_configuration_is_kept_over_a_restart() -> None:
     play(DRIVER.write("DID_GPX_FLASH_CFG", {"startupGPSDtMs": 400, "gnssSatSigConst": 0x33}, KNOWN), there)
     play(DRIVER.store_and_restart(KNOWN), there)
     there.pass_time(5)
-    kept = play(DRIVER.read("DID_GPX_FLASH_CFG", KNOWN), there)
-    assert (kept["startupGPSDtMs"], kept["gnssSatSigConst"]) == (400, 0x33)
+    stored = play(DRIVER.read("DID_GPX_FLASH_CFG", KNOWN), there)
+    assert (stored["startupGPSDtMs"], stored["gnssSatSigConst"]) == (400, 0x33)
     rows = play(DRIVER.read("streams", KNOWN), there)["streams"]
     assert next(one["source_ms"] for one in rows if one["did"] == 13) == 400
 
 
 def test_sentences_of_the_receiver_only() -> None:
     there = wire()
-    asked = {"options": 0, "messages": [{"id": 7, "period": 5}, {"id": 4, "period": 1}]}  # GGA; PINS1 it has not
-    play(DRIVER.run("ASCE", asked, KNOWN), there)
-    told = play(DRIVER.run("ASCE", {"options": 0, "messages": []}, KNOWN), there)
-    assert (told["id_1"], told["period_1"], "id_2" in told) == (7, 5, False)
+    request = {"options": 0, "messages": [{"id": 7, "period": 5}, {"id": 4, "period": 1}]}  # GGA; PINS1 it has not
+    play(DRIVER.run("ASCE", request, KNOWN), there)
+    report = play(DRIVER.run("ASCE", {"options": 0, "messages": []}, KNOWN), there)
+    assert (report["id_1"], report["period_1"], "id_2" in report) == (7, 5, False)
     there.pass_time(2)

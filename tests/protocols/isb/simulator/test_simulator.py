@@ -35,7 +35,7 @@ def replies(data: bytes) -> list[Reply]:
     return [event for event in decode(data) if isinstance(event, Reply)]
 
 
-def ask(device: IsbSimulator, packet: bytes, now: int = 2 * S) -> list[Reply]:
+def replies_to(device: IsbSimulator, packet: bytes, now: int = 2 * S) -> list[Reply]:
     """The answers to one packet, without the streams around them."""
     device.advance(now)
     return replies(device.receive(packet, now))
@@ -161,33 +161,35 @@ def test_a_clock_jump_is_permanent_and_a_restarted_device_keeps_the_date() -> No
 
 def test_get_is_answered_by_data() -> None:
     device = awake()
-    [info] = ask(device, frames.get_data(1, period=0))
+    [info] = replies_to(device, frames.get_data(1, period=0))
     assert info.message.name == "DID_DEV_INFO"
-    [flash] = ask(device, frames.get_data(12, period=0))
+    [flash] = replies_to(device, frames.get_data(12, period=0))
     assert flash.values["startupNavDtMs"] == 10
-    [part] = ask(device, frames.get_data(12, size=8, offset=12, period=0))
+    [part] = replies_to(device, frames.get_data(12, size=8, offset=12, period=0))
     assert dict(part.values) == {"startupImuDtMs": 10, "startupNavDtMs": 10}
-    [bits] = ask(device, frames.get_data(9, period=0))
+    [bits] = replies_to(device, frames.get_data(9, period=0))
     assert bits.values["bits"] == sum(1 << SOURCES[did].bit for did in device.streams)
 
 
 @each_row("did", [0, 48, 80, 130, 255])
 def test_get_of_a_missing_data_set_is_refused(did: int) -> None:
-    [refused] = ask(awake(), frames.get_data(did, period=0))
+    [refused] = replies_to(awake(), frames.get_data(did, period=0))
     assert refused.message.name == "NACK"
     assert refused.values["body.dataHdr.id"] == did
 
 
 def test_a_missing_part_is_refused() -> None:
-    assert [one.message.name for one in ask(awake(), frames.get_data(12, size=600, offset=0, period=0))] == ["NACK"]
+    assert [one.message.name for one in replies_to(awake(), frames.get_data(12, size=600, offset=0, period=0))] == [
+        "NACK"
+    ]
 
 
 def test_get_starts_and_ends_streams() -> None:
     device = awake()
-    assert not ask(device, frames.get_data(3, period=4))
+    assert not replies_to(device, frames.get_data(3, period=4))
     events = decode(run(device, 4, begin=2.01))
     assert len(column(events, "time", 3)) == 100
-    ask(device, frames.get_data(3, period=0), 6 * S + S // 2)
+    replies_to(device, frames.get_data(3, period=0), 6 * S + S // 2)
     assert not [batch for batch in batches(decode(run(device, 2, begin=6.51))) if batch.message.id == 3]
 
 
@@ -197,7 +199,7 @@ def test_stops() -> None:
     names = {batch.message.name for batch in batches(decode(run(device, 3, begin=2.01)))}
     assert "DID_IMU" not in names
     assert "DID_INS_1" in names
-    [ack] = ask(device, frames.stop(), 6 * S)
+    [ack] = replies_to(device, frames.stop(), 6 * S)
     assert (ack.message.name, ack.values["pktInfo.flags"]) == ("ACK", frames.STOP_CURRENT_PORT)
     assert run(device, 3, begin=6.01) == b""
 
@@ -205,11 +207,11 @@ def test_stops() -> None:
 def test_rmc_chooses_streams_and_keeps_them() -> None:
     device = awake()
     bits = 1 << 5 | 1 << 7
-    [ack] = ask(device, frames.set_data(9, struct.pack("<QI", bits, 1 << 9)))
+    [ack] = replies_to(device, frames.set_data(9, struct.pack("<QI", bits, 1 << 9)))
     assert (ack.message.name, ack.values["body.dataHdr.id"], ack.values["body.dataHdr.size"]) == ("ACK", 9, 12)
     assert set(device.streams) == {3, 52}
     reset = frames.set_data(7, struct.pack("<II", 99, ~99 & 0xFFFFFFFF))
-    assert ask(device, reset)[0].message.name == "ACK"
+    assert replies_to(device, reset)[0].message.name == "ACK"
     events = decode(run(device, 3, begin=2.01))
     assert isinstance(events[0], Reply)
     assert {batch.message.name for batch in batches(events)} == {"DID_PIMU", "DID_MAGNETOMETER"}
@@ -218,8 +220,8 @@ def test_rmc_chooses_streams_and_keeps_them() -> None:
 
 def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
     device = awake()
-    assert ask(device, frames.set_data(12, struct.pack("<I", 4), 16))[0].message.name == "ACK"
-    [flash] = ask(device, frames.get_data(12, period=0))
+    assert replies_to(device, frames.set_data(12, struct.pack("<I", 4), 16))[0].message.name == "ACK"
+    [flash] = replies_to(device, frames.get_data(12, period=0))
     assert flash.values["startupNavDtMs"] == 4
     words = np.frombuffer(device.memory.flash, "<u4")
     assert words[1] == np.bitwise_xor.reduce(words[2:])
@@ -238,7 +240,7 @@ def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
     ],
 )
 def test_invalid_writes_are_refused(packet: bytes) -> None:
-    assert [one.message.name for one in ask(awake(), packet)] == ["NACK"]
+    assert [one.message.name for one in replies_to(awake(), packet)] == ["NACK"]
 
 
 def test_it_ignores_input_before_it_has_started() -> None:

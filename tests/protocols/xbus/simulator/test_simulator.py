@@ -20,7 +20,7 @@ from imuscope.protocols.xbus.output_configuration import ALWAYS, OUTPUTS, accept
 from imuscope.protocols.xbus.simulator.device import WAKE_UP_WINDOW_NS, XbusSimulator
 from imuscope.protocols.xbus.simulator.settings import PRODUCTS
 from tests.protocols.decoding import column
-from tests.protocols.xbus.xbus_simulation import S, ask, decode, in_config, replies, run
+from tests.protocols.xbus.xbus_simulation import S, decode, in_config, replies, reply_to, run
 from tests.support.each_row import each_row
 from tests.support.faulty_line import FaultyLine
 
@@ -45,12 +45,12 @@ def test_every_item_in_every_form_is_what_the_decoder_expects(identifier: int) -
     device = in_config("MTi-680G" if 680 in OUTPUTS[identifier & 0xFFF0].products else "MTi-G-710", seed=3)
     output = output_of(identifier, device.product.model)
     if output is None:
-        assert ask(device, 0xC0, struct.pack(">HH", identifier, 10)) == (0x42, b"\x21")
+        assert reply_to(device, 0xC0, struct.pack(">HH", identifier, 10)) == (0x42, b"\x21")
         return
     rate = max_rate(output, device.product.model)
     wish = struct.pack(">HHHH", 0x1060, ALWAYS, identifier, 0)
-    assert ask(device, 0xC0, wish) == (0xC1, struct.pack(">HHHH", 0x1060, ALWAYS, identifier, rate))
-    assert ask(device, 0x10) == (0x11, b"")
+    assert reply_to(device, 0xC0, wish) == (0xC1, struct.pack(">HHHH", 0x1060, ALWAYS, identifier, rate))
+    assert reply_to(device, 0x10) == (0x11, b"")
     data = run(device, 2.9, begin=2)
     known = 0
     for batch in batches(decode(data)):
@@ -64,8 +64,8 @@ def test_every_item_in_every_form_is_what_the_decoder_expects(identifier: int) -
 def test_items_come_in_the_messages_in_which_they_are_due() -> None:
     device = in_config()
     wish = struct.pack(">8H", 0x1020, ALWAYS, 0x2010, 100, 0x4020, 400, 0x0810, 1)
-    assert ask(device, 0xC0, wish)[1] == wish
-    ask(device, 0x10)
+    assert reply_to(device, 0xC0, wish)[1] == wish
+    reply_to(device, 0x10)
     events = decode(run(device, 3, begin=2))
     assert [len(column(events, name)) for name in ("PacketCounter", "Acceleration", "Quaternion", "Temperature")] == [
         1201,
@@ -108,8 +108,8 @@ def test_coordinate_systems_are_one_attitude() -> None:
 def attitude(identifier: int) -> np.ndarray[Any, Any]:
     """Rotation matrices of a second, sent as quaternions of one kind."""
     device = in_config()
-    ask(device, 0xC0, struct.pack(">HH", identifier, 100))
-    ask(device, 0x10)
+    reply_to(device, 0xC0, struct.pack(">HH", identifier, 100))
+    reply_to(device, 0x10)
     return rotations.matrix_of(column(decode(run(device, 1, begin=2)), "Quaternion"))
 
 
@@ -226,10 +226,10 @@ def test_config_and_back() -> None:
 
 def test_reset_restarts_and_applies_the_new_baud_rate() -> None:
     device = in_config()
-    assert ask(device, 0x18) == (0x19, b"\x02")
-    assert ask(device, 0x18, b"\x80") == (0x19, b"")
-    assert (device.baud, ask(device, 0x18)) == (115_200, (0x19, b"\x80"))
-    assert ask(device, 0x40) == (0x41, b"")
+    assert reply_to(device, 0x18) == (0x19, b"\x02")
+    assert reply_to(device, 0x18, b"\x80") == (0x19, b"")
+    assert (device.baud, reply_to(device, 0x18)) == (115_200, (0x19, b"\x80"))
+    assert reply_to(device, 0x40) == (0x41, b"")
     assert device.baud == 115_200  # while it boots, for the restore procedure
     assert device.advance(2 * S + 200_000_000) == b""
     assert device.receive(bytes.fromhex("FAFF3000D1"), 2 * S + 200_000_000) == b""  # no host is connected yet

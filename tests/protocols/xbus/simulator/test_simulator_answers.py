@@ -21,7 +21,7 @@ from imuscope.protocols.xbus.simulator.faults import FaultInjection
 from imuscope.protocols.xbus.simulator.handlers import accepts
 from imuscope.protocols.xbus.simulator.settings import SETTINGS
 from tests.protocols.decoding import column
-from tests.protocols.xbus.xbus_simulation import S, ask, decode, in_config, replies, run
+from tests.protocols.xbus.xbus_simulation import S, decode, in_config, replies, reply_to, run
 from tests.support.each_row import each_row
 from tests.support.source_files import ROOT
 
@@ -42,7 +42,7 @@ def test_no_message_of_the_vectors_is_left_without_an_answer(vector: dict[str, A
     mid, bid = data[2], data[1]
     device = in_config("MTi-680G")
     if mid in (0x22, 0xE2):
-        ask(device, 0x10)
+        reply_to(device, 0x10)
     answer = device.receive(data, 3 * S)
     *_, (number, payload) = replies(answer)
     if number == 0x42:
@@ -83,13 +83,13 @@ def test_answers_are_those_of_the_vectors(what: str) -> None:
 
 def test_the_identity_is_read() -> None:
     device = in_config(serial=0x801234AB)
-    assert ask(device, 0x00) == (0x01, bytes.fromhex("00000000801234AB"))
-    assert ask(device, 0x1C) == (0x1D, b"MTi-630-8A1G6".ljust(20))
-    assert len(ask(device, 0x12)[1]) == 11
-    assert ask(device, 0x24) == (0x25, b"\x01\xff")
+    assert reply_to(device, 0x00) == (0x01, bytes.fromhex("00000000801234AB"))
+    assert reply_to(device, 0x1C) == (0x1D, b"MTi-630-8A1G6".ljust(20))
+    assert len(reply_to(device, 0x12)[1]) == 11
+    assert reply_to(device, 0x24) == (0x25, b"\x01\xff")
     older = in_config("MTi-30", serial=0x0368248C)
-    assert ask(older, 0x00) == (0x01, bytes.fromhex("0368248C"))
-    assert len(ask(older, 0x0C)[1]) == len(ask(device, 0x0C)[1]) == 118
+    assert reply_to(older, 0x00) == (0x01, bytes.fromhex("0368248C"))
+    assert len(reply_to(older, 0x0C)[1]) == len(reply_to(device, 0x0C)[1]) == 118
 
 
 def test_it_answers_to_both_of_its_addresses_and_to_no_other() -> None:
@@ -121,13 +121,13 @@ def test_it_answers_to_both_of_its_addresses_and_to_no_other() -> None:
     ],
 )
 def test_invalid_requests_are_refused_with_their_code(mid: int, payload: bytes, code: int) -> None:
-    assert ask(in_config(), mid, payload) == (0x42, bytes([code]))
+    assert reply_to(in_config(), mid, payload) == (0x42, bytes([code]))
 
 
 def test_measuring_refuses_configuration() -> None:
     device = XbusSimulator()
     run(device, 1)
-    assert ask(device, 0xC0, now=S) == (0x42, b"\x04")
+    assert reply_to(device, 0xC0, now=S) == (0x42, b"\x04")
     assert device.phase == "measurement"
 
 
@@ -148,39 +148,39 @@ VALUES = {  # of settings that are not just bytes
 @each_row("mid", [mid for mid, setting in SETTINGS.items() if setting.readable])
 def test_every_setting_is_returned_as_it_was_set(mid: int) -> None:
     device = in_config("MTi-680G" if 680 in SETTINGS[mid].products else "MTi-G-710")
-    before = ask(device, mid)[1]
+    before = reply_to(device, mid)[1]
     value = VALUES.get(mid, bytes(range(1, 1 + min(SETTINGS[mid].sizes))))
-    assert ask(device, mid, value) == (mid + 1, b"")
-    assert ask(device, mid) == (mid + 1, value)
-    assert ask(device, 0x0E) == (0x0F, b"")
-    assert ask(device, mid) == (mid + 1, before)
+    assert reply_to(device, mid, value) == (mid + 1, b"")
+    assert reply_to(device, mid) == (mid + 1, value)
+    assert reply_to(device, 0x0E) == (0x0F, b"")
+    assert reply_to(device, mid) == (mid + 1, before)
 
 
 def test_a_profile_of_the_document_that_is_not_listed_is_taken() -> None:
     device = in_config("MTi-630")
     for heading in (b"VRUAHS", b"FixedMagRef"):
-        assert ask(device, 0x64, b"Robust/" + heading) == (0x65, b"")
-    assert len(ask(device, 0x62)[1]) == 110
+        assert reply_to(device, 0x64, b"Robust/" + heading) == (0x65, b"")
+    assert len(reply_to(device, 0x62)[1]) == 110
 
 
 def test_an_entry_of_zeros_clears_the_outputs_on_can() -> None:
     device = in_config("MTi-630")
-    ask(device, 0xE8, VALUES[0xE8])
-    assert ask(device, 0xE8, bytes(8)) == (0xE9, b"")
-    assert ask(device, 0xE8) == (0xE9, b"")
+    reply_to(device, 0xE8, VALUES[0xE8])
+    assert reply_to(device, 0xE8, bytes(8)) == (0xE9, b"")
+    assert reply_to(device, 0xE8) == (0xE9, b"")
 
 
 def test_other_data_than_rtcm_reach_the_receiver() -> None:
     device = in_config("MTi-680G")
-    ask(device, 0x10)
-    assert ask(device, 0xE2, bytes.fromhex("B5620A0400000E34"), now=3 * S) == (0xE3, b"")
+    reply_to(device, 0x10)
+    assert reply_to(device, 0xE2, bytes.fromhex("B5620A0400000E34"), now=3 * S) == (0xE3, b"")
 
 
 def test_a_sync_line_accepts_functions_of_its_direction_only() -> None:
     """The sync out was taken as a line on which the device is triggered."""
     entry = bytes([3, 7, 1, 0]) + bytes(8)
-    assert ask(in_config("MTi-630"), 0x2C, entry) == (0x42, b"\x21")
-    assert ask(in_config("MTi-630"), 0x2C, bytes([4, 7]) + entry[2:]) == (0x2D, b"")
+    assert reply_to(in_config("MTi-630"), 0x2C, entry) == (0x42, b"\x21")
+    assert reply_to(in_config("MTi-630"), 0x2C, bytes([4, 7]) + entry[2:]) == (0x2D, b"")
 
 
 @each_row(
@@ -193,7 +193,7 @@ def test_the_pulse_of_the_receiver_goes_to_the_lines_of_the_product(product: str
     assert model is not None
     for line in SYNC_LINES:
         entry = bytes([14, line, 1, 0]) + bytes(8)
-        answer, _ = ask(in_config(product), 0x2C, entry)
+        answer, _ = reply_to(in_config(product), 0x2C, entry)
         assert (answer == 0x2D) == (line in lines), line
         values = {"function": 14, "line": line, "polarity": 1, "trigger_once": 0, "skip_first": 0, "skip_factor": 0}
         values |= {"pulse_width": 0, "delay_offset_or_clock_period": 0}
@@ -214,38 +214,38 @@ def test_simulator_and_form_agree_on_sync_lines(number: int) -> None:
 
 
 def test_an_initial_heading_is_set_and_never_read() -> None:
-    assert ask(in_config("MTi-680G"), 0xD6, struct.pack(">f", -179.5)) == (0xD7, b"")
-    assert ask(in_config("MTi-680G"), 0xD6) == (0x42, b"\x04")
-    assert ask(in_config("MTi-7"), 0xD6, struct.pack(">f", 10)) == (0x42, b"\x04")
+    assert reply_to(in_config("MTi-680G"), 0xD6, struct.pack(">f", -179.5)) == (0xD7, b"")
+    assert reply_to(in_config("MTi-680G"), 0xD6) == (0x42, b"\x04")
+    assert reply_to(in_config("MTi-7"), 0xD6, struct.pack(">f", 10)) == (0x42, b"\x04")
 
 
 def test_stored_values_outlive_power() -> None:
     device = in_config()
-    ask(device, 0x84, b"\x12\x34")
+    reply_to(device, 0x84, b"\x12\x34")
     again = device.repowered(10 * S)
     assert again.advance(10 * S + 200_000_000) == b""
     assert replies(again.advance(10 * S + 300_000_000)) == [(0x3E, b"")]
     again.advance(12 * S)
-    assert ask(again, 0x30, now=12 * S) == (0x31, b"")
-    assert ask(again, 0x84, now=12 * S) == (0x85, b"\x12\x34")
+    assert reply_to(again, 0x30, now=12 * S) == (0x31, b"")
+    assert reply_to(again, 0x84, now=12 * S) == (0x85, b"\x12\x34")
 
 
 def test_without_auto_store_a_reset_forgets() -> None:
     device = in_config("MTi-3")
-    ask(device, 0x48, struct.pack(">II", 1, 0))
-    ask(device, 0x84, b"\x12\x34")
-    assert ask(device, 0x84) == (0x85, b"\x12\x34")
-    ask(device, 0x40)
+    reply_to(device, 0x48, struct.pack(">II", 1, 0))
+    reply_to(device, 0x84, b"\x12\x34")
+    assert reply_to(device, 0x84) == (0x85, b"\x12\x34")
+    reply_to(device, 0x40)
     run(device, 2, begin=2.1)
-    ask(device, 0x30, now=5 * S)
-    assert ask(device, 0x84, now=5 * S) == (0x85, bytes(2))
-    assert ask(device, 0x48, now=5 * S) == (0x49, struct.pack(">I", 1))
+    reply_to(device, 0x30, now=5 * S)
+    assert reply_to(device, 0x84, now=5 * S) == (0x85, bytes(2))
+    assert reply_to(device, 0x48, now=5 * S) == (0x49, struct.pack(">I", 1))
 
 
 def test_without_auto_measurement_it_stays_in_config() -> None:
     device = in_config("MTi-3")
-    ask(device, 0x48, struct.pack(">II", 2, 0))
-    ask(device, 0x40)
+    reply_to(device, 0x48, struct.pack(">II", 2, 0))
+    reply_to(device, 0x40)
     assert [number for number, _ in replies(run(device, 3, begin=2.1))] == [0x3E]
     assert device.phase == "config"
 
@@ -255,15 +255,15 @@ def test_restore_bytes_at_boot_restore_the_factory_baud_rate() -> None:
     device = in_config()
     alignment = b"\x00" + struct.pack(">4f", 0, 1, 0, 0)
     for mid, payload in ((0x8C, bytes.fromhex("0001000C0001000200000000")), (0xC0, bytes(4)), (0xEC, alignment)):
-        ask(device, mid, payload)
+        reply_to(device, mid, payload)
     again = device.repowered(10 * S)
     assert again.receive(b"\xde", 10 * S + 100_000_000) == b""
     assert replies(again.receive(b"\xde", 10 * S + 400_000_000)) == [(0x3E, b"")]
     assert again.baud == 115_200
     again.receive(frames.build(0x3F), 10 * S + 400_000_000)
-    assert ask(again, 0x18, now=12 * S) == (0x19, b"\x02")
-    assert len(ask(again, 0xC0, now=12 * S)[1]) > 4
-    assert ask(again, 0xEC, b"\x00", now=12 * S) == (0xED, alignment)
+    assert reply_to(again, 0x18, now=12 * S) == (0x19, b"\x02")
+    assert len(reply_to(again, 0xC0, now=12 * S)[1]) > 4
+    assert reply_to(again, 0xEC, b"\x00", now=12 * S) == (0xED, alignment)
 
 
 def test_the_counter_counts_sent_samples_only() -> None:
@@ -276,7 +276,7 @@ def test_the_counter_counts_sent_samples_only() -> None:
         begun += device.receive(frames.build(0x10), now * S)
         begun += run(device, 1.9, begin=now + 0.01)
     begun += device.receive(frames.build(0x30), 5 * S)
-    assert ask(device, 0x2C, bytes([8, 6, 1]) + bytes(9), now=5 * S)[0] == 0x2D
+    assert reply_to(device, 0x2C, bytes([8, 6, 1]) + bytes(9), now=5 * S)[0] == 0x2D
     device.receive(frames.build(0x10), 5 * S)
     for tenth in range(51, 60):  # a request in 100 ms
         now = tenth * S // 10
@@ -290,9 +290,9 @@ def test_the_counter_counts_sent_samples_only() -> None:
 def test_send_latest_waits_for_a_request() -> None:
     device = in_config()
     software = bytes([8, 6, 1, 0]) + bytes(8)
-    assert ask(device, 0x2C, software) == (0x2D, b"")
-    assert ask(device, 0x34) == (0x42, b"\x04")  # measurement only
-    ask(device, 0x10)
+    assert reply_to(device, 0x2C, software) == (0x2D, b"")
+    assert reply_to(device, 0x34) == (0x42, b"\x04")  # measurement only
+    reply_to(device, 0x10)
     assert run(device, 1, begin=2) == b""
     data = device.receive(frames.build(0x34), 3 * S + 5_000_000)
     assert len(column(decode(data), "PacketCounter")) == 1
@@ -303,24 +303,24 @@ def test_a_stubborn_device_responds_after_a_reset() -> None:
     device = XbusSimulator(moods=FaultInjection(ignores_goto_config=True))
     run(device, 1)
     assert replies(device.receive(frames.build(0x30), S)) == []
-    assert ask(device, 0x40, now=S) == (0x41, b"")
+    assert reply_to(device, 0x40, now=S) == (0x41, b"")
     run(device, 1, begin=1.1)
-    assert ask(device, 0x30, now=3 * S) == (0x31, b"")
+    assert reply_to(device, 0x30, now=3 * S) == (0x31, b"")
 
 
 def test_a_600_series_has_one_baud_rate() -> None:
     device = in_config()
-    ask(device, 0x18, b"\x0a")
-    assert ask(device, 0x8C)[1][:4] == bytes.fromhex("0001000A")
-    ask(device, 0x8C, bytes.fromhex("0001000C0001000200000000"))
-    assert ask(device, 0x18) == (0x19, b"\x0c")
+    reply_to(device, 0x18, b"\x0a")
+    assert reply_to(device, 0x8C)[1][:4] == bytes.fromhex("0001000A")
+    reply_to(device, 0x8C, bytes.fromhex("0001000C0001000200000000"))
+    assert reply_to(device, 0x18) == (0x19, b"\x0c")
 
 
 def test_option_flags_are_set_and_cleared() -> None:
     device = in_config()
-    ask(device, 0x48, struct.pack(">II", 0xC0, 0))
-    ask(device, 0x48, struct.pack(">II", 0, 0x40))
-    assert ask(device, 0x48) == (0x49, struct.pack(">I", 0x80))
+    reply_to(device, 0x48, struct.pack(">II", 0xC0, 0))
+    reply_to(device, 0x48, struct.pack(">II", 0, 0x40))
+    assert reply_to(device, 0x48) == (0x49, struct.pack(">I", 0x80))
 
 
 def test_a_no_rotation_update_shows_in_the_status_word() -> None:
@@ -336,25 +336,25 @@ def test_a_no_rotation_update_shows_in_the_status_word() -> None:
 
 def test_utc_is_set_adjusted_and_sent() -> None:
     device = in_config()
-    assert ask(device, 0x60)[1][-1] == 0
-    ask(device, 0x60, struct.pack(">IH6B", 250_000_000, 2020, 6, 11, 19, 20, 18, 7), now=2 * S)
-    ask(device, 0xA8, struct.pack(">i", -5000), now=2 * S)
-    assert struct.unpack(">IH6B", ask(device, 0x60, now=3 * S)[1]) == (750_000_000, 2020, 6, 11, 19, 20, 18, 7)
+    assert reply_to(device, 0x60)[1][-1] == 0
+    reply_to(device, 0x60, struct.pack(">IH6B", 250_000_000, 2020, 6, 11, 19, 20, 18, 7), now=2 * S)
+    reply_to(device, 0xA8, struct.pack(">i", -5000), now=2 * S)
+    assert struct.unpack(">IH6B", reply_to(device, 0x60, now=3 * S)[1]) == (750_000_000, 2020, 6, 11, 19, 20, 18, 7)
 
 
 def test_sync_settings_mark_samples() -> None:
     device = in_config()
     pulse = bytes([4, 7, 1, 0, 0, 0, 0, 4, 0, 5, 0, 0])
     trigger = bytes([3, 2, 1, 0]) + bytes(8)
-    assert ask(device, 0x2C, pulse + trigger) == (0x2D, b"")
-    assert ask(device, 0x2C) == (0x2D, pulse + trigger)
-    ask(device, 0x10)
+    assert reply_to(device, 0x2C, pulse + trigger) == (0x2D, b"")
+    assert reply_to(device, 0x2C) == (0x2D, pulse + trigger)
+    reply_to(device, 0x10)
     status = column(decode(run(device, 5, begin=2)), "StatusWord").astype(np.int64)
     assert (status >> 22 & 1).sum() == pytest.approx(100, abs=2)
     assert (status >> 21 & 1).sum() == pytest.approx(5, abs=1)
     device.receive(frames.build(0x30), 8 * S)
-    assert ask(device, 0x2C, bytes(12), now=8 * S) == (0x2D, b"")
-    assert ask(device, 0x2C, now=8 * S) == (0x2D, b"")
+    assert reply_to(device, 0x2C, bytes(12), now=8 * S) == (0x2D, b"")
+    assert reply_to(device, 0x2C, now=8 * S) == (0x2D, b"")
 
 
 @given(st.binary(max_size=60) | st.builds(frames.build, st.integers(0, 255), st.binary(max_size=40)), st.booleans())
@@ -381,7 +381,7 @@ def test_an_unknown_product_raises_a_value_error() -> None:
         XbusSimulator("MTi-9000")
 
 
-def test_the_vendors_software_finds_what_it_asks_for_first() -> None:
+def test_the_vendors_software_finds_what_it_requests_first() -> None:
     """InitBus, a padded GotoConfig of the scan for RS-485, the calibration: each was answered with Error."""
     device = in_config("MTi-680G")
     for request, number, size in (
@@ -407,8 +407,8 @@ def test_the_packet_counter_counts_messages_where_rates_do_not_divide(rates: tup
     device = in_config("MTi-630")
     first, second = rates
     pairs = [(0x1020, 0xFFFF), (0x1060, 0xFFFF), (0x2010, first), (0x4020, second)]
-    ask(device, 0xC0, b"".join(struct.pack(">HH", *pair) for pair in pairs))
-    ask(device, 0x10)
+    reply_to(device, 0xC0, b"".join(struct.pack(">HH", *pair) for pair in pairs))
+    reply_to(device, 0x10)
     counters = column(decode(device.advance(6 * S)), "PacketCounter")
     assert len(counters) > 100
     assert set(np.diff(counters.astype(np.int64))) == {1}

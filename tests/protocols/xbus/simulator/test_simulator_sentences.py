@@ -15,7 +15,7 @@ from imuscope.protocols.simulator import trajectory
 from imuscope.protocols.xbus.enums import STRING_TYPES
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.protocols.xbus.simulator.strings import LINES
-from tests.protocols.xbus.xbus_simulation import S, ask, decode, in_config, run
+from tests.protocols.xbus.xbus_simulation import S, decode, in_config, reply_to, run
 from tests.protocols.xbus.xbus_values import DRIVER
 from tests.support.each_row import each_row
 
@@ -31,12 +31,12 @@ def word(*names: str) -> int:
 ALL_TYPES = word(*WORDS)
 
 
-def told(device: XbusSimulator, types: int, hertz: int = 10) -> bytes:
+def sentences_of(device: XbusSimulator, types: int, hertz: int = 10) -> bytes:
     """Output of a device in ten seconds after strings were selected."""
     six = device.product.series == 600
     payload = struct.pack(">IH", types, hertz) if six else struct.pack(">H", types)
-    assert ask(device, 0x8E, payload) == (0x8F, b"")
-    assert ask(device, 0x10) == (0x11, b"")
+    assert reply_to(device, 0x8E, payload) == (0x8F, b"")
+    assert reply_to(device, 0x10) == (0x11, b"")
     return run(device, 10, begin=2)
 
 
@@ -48,15 +48,15 @@ def lines(data: bytes) -> list[Text]:
 
 @each_row("product", ["MTi-680G", "MTi-G-710"])
 def test_every_string_is_sent_and_read(product: str) -> None:
-    found = lines(told(in_config(product), ALL_TYPES))
-    assert {line.name for line in found} == WORDS
-    ticks = sum(line.name == "HEHDT" for line in found)
+    results = lines(sentences_of(in_config(product), ALL_TYPES))
+    assert {line.name for line in results} == WORDS
+    ticks = sum(line.name == "HEHDT" for line in results)
     assert ticks == (101 if product == "MTi-680G" else 1001)
-    assert len(found) == ticks * len(WORDS)
+    assert len(results) == ticks * len(WORDS)
 
 
 def test_without_a_receiver_there_are_no_strings_of_one() -> None:
-    names = {line.name for line in lines(told(in_config("MTi-630"), ALL_TYPES))}
+    names = {line.name for line in lines(sentences_of(in_config("MTi-630"), ALL_TYPES))}
     assert names == WORDS - {"GPGGA", "GPZDA", "GPRMC", "XSVEL"}
 
 
@@ -65,17 +65,19 @@ HEADINGS = {"HEHDT": "headingT", "TSS2": "heading", "PRDID": "headingT", "HCHDM"
 
 def test_strings_follow_the_trajectory() -> None:
     """Heading, pitch and roll are within the filter's errors in all strings that contain them."""
-    data = told(in_config("MTi-680G"), word(*HEADINGS))
-    found = [event for event in decode(data) if isinstance(event, Text)]
+    data = sentences_of(in_config("MTi-680G"), word(*HEADINGS))
+    results = [event for event in decode(data) if isinstance(event, Text)]
     times = np.arange(101) / 10 + 2
     axes = rotations.matrix_of(trajectory.vehicle_motion(times).q_enu_from_body_wxyz)
     truth = np.degrees(np.arctan2(axes[:, 0, 0], axes[:, 1, 0]))
     for name, key in HEADINGS.items():
-        heading = np.array([line.fields[key] for line in found if line.name == name])
+        heading = np.array([line.fields[key] for line in results if line.name == name])
         assert len(heading) == 101, name
         assert np.abs((heading - truth + 180) % 360 - 180).max() < 2, name
     for name in ("PRDID", "TSS2", EM1000):
-        pitch, roll = (np.array([line.fields[key] for line in found if line.name == name]) for key in ("pitch", "roll"))
+        pitch, roll = (
+            np.array([line.fields[key] for line in results if line.name == name]) for key in ("pitch", "roll")
+        )
         assert np.abs(pitch - np.degrees(np.arcsin(axes[:, 2, 0]))).max() < 2, name
         assert np.abs(roll - np.degrees(np.arctan2(axes[:, 2, 1], axes[:, 2, 2]))).max() < 2, name
 
@@ -84,7 +86,7 @@ def test_strings_follow_the_trajectory() -> None:
 def test_lines_are_at_most_as_long_as_the_computed_load(product: str) -> None:
     device = in_config(product)
     hertz = 10
-    length = len(told(device, ALL_TYPES, hertz))
+    length = len(sentences_of(device, ALL_TYPES, hertz))
     setting: dict[str, Any] = {"string_types": ALL_TYPES}
     if product != "MTi-30":
         setting["frequency"] = hertz
@@ -94,19 +96,19 @@ def test_lines_are_at_most_as_long_as_the_computed_load(product: str) -> None:
 
 def test_zero_string_types_return_to_data() -> None:
     device = in_config()
-    told(device, 1 << 8)
-    ask_again = device.receive(bytes.fromhex("FAFF3000D1"), 13 * S)
-    assert ask_again.endswith(bytes.fromhex("FAFF3100D0"))
-    assert ask(device, 0x8E, bytes(6), now=13 * S) == (0x8F, b"")
-    assert ask(device, 0x10, now=13 * S) == (0x11, b"")
+    sentences_of(device, 1 << 8)
+    request_again = device.receive(bytes.fromhex("FAFF3000D1"), 13 * S)
+    assert request_again.endswith(bytes.fromhex("FAFF3100D0"))
+    assert reply_to(device, 0x8E, bytes(6), now=13 * S) == (0x8F, b"")
+    assert reply_to(device, 0x10, now=13 * S) == (0x11, b"")
     assert any(isinstance(event, Batch) for event in decode(run(device, 1, begin=13)))
 
 
 def test_period_and_skip_factor_make_the_rate_of_older_devices() -> None:
     device = in_config("MTi-30")
-    assert ask(device, 0x04, struct.pack(">H", 576)) == (0x05, b"")
-    assert ask(device, 0xD4, struct.pack(">H", 3)) == (0xD5, b"")
-    assert len(lines(told(device, 1 << 8))) == pytest.approx(500, abs=1)
+    assert reply_to(device, 0x04, struct.pack(">H", 576)) == (0x05, b"")
+    assert reply_to(device, 0xD4, struct.pack(">H", 3)) == (0xD5, b"")
+    assert len(lines(sentences_of(device, 1 << 8))) == pytest.approx(500, abs=1)
     device = in_config("MTi-30")
-    assert ask(device, 0xD4, b"\xff\xff") == (0xD5, b"")
-    assert told(device, 1 << 8) == b""
+    assert reply_to(device, 0xD4, b"\xff\xff") == (0xD5, b"")
+    assert sentences_of(device, 1 << 8) == b""

@@ -44,7 +44,7 @@ def test_the_numbers_are_those_of_the_firmware(name: str, way: str, monkeypatch:
     assert frames_of(GOLDEN / f"{name}.bbl") == json.loads((GOLDEN / f"{name}.json").read_text())
 
 
-def test_a_log_has_its_date_and_the_units_that_it_tells(tmp_path: Path) -> None:
+def test_a_log_has_its_date_and_the_units_that_it_names(tmp_path: Path) -> None:
     main = json.loads((GOLDEN / "every_1.json").read_text())["main"]
     store = opened(GOLDEN / "every_1.bbl", tmp_path)
     rows = rows_of(store, "gyroADC", "main")
@@ -84,10 +84,10 @@ def test_a_hole_costs_frames_until_the_next_whole_one(tmp_path: Path) -> None:
     data[at : at + 9] = bytes(9)
     path = tmp_path / "a.bbl"
     path.write_bytes(data)
-    found = frames_of(path)["main"]
-    assert 32 < len(found) < len(main)
-    assert len(main) - len(found) <= 33, "a whole frame comes every 32 loops"
-    assert all(row in main for row in found)
+    results = frames_of(path)["main"]
+    assert 32 < len(results) < len(main)
+    assert len(main) - len(results) <= 33, "a whole frame comes every 32 loops"
+    assert all(row in main for row in results)
     words = damage_of(opened(path, tmp_path))
     assert "outside frames" in words
     assert "left out" in words

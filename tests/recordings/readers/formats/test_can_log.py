@@ -132,7 +132,7 @@ def test_every_kind_of_times_gives_the_spacing(
     assert store.manifest["timed"] == (name != "none")
 
 
-def test_local_times_are_said_to_be(tmp_path: Path) -> None:
+def test_local_times_are_reported_as_such(tmp_path: Path) -> None:
     """Those of candump -t A."""
     lines = [b" (2026-01-01 00:00:%09.6f)  can0  034   [6]  00 00 00 00 09 CF" % (n / 100) for n in range(50)]
     store = opened(written(tmp_path / "a.txt", b"\n".join(lines) + b"\n"), tmp_path)
@@ -148,7 +148,7 @@ def test_flags_text_and_carriage_returns_are_no_obstacle(tmp_path: Path) -> None
     assert damage_of(store) == ""
 
 
-def test_can_fd_is_left_out_and_said(tmp_path: Path) -> None:
+def test_can_fd_is_left_out_and_reported(tmp_path: Path) -> None:
     lines = [
         b"(%.6f) can0 034#0000000009CF\n(%.6f) can0 035##1000000000000\n" % (BEGIN + n, BEGIN + n) for n in range(4)
     ]

@@ -196,7 +196,7 @@ def test_an_archive_that_was_cut_is_read_as_far_as_it_goes(tmp_path: Path) -> No
         assert f"{path.name} is damaged or was cut: Truncated compressed stream." in damage_of(store)
 
 
-def test_what_a_zip_has_beside_a_bag_is_said(tmp_path: Path) -> None:
+def test_what_a_zip_has_beside_a_bag_is_reported(tmp_path: Path) -> None:
     """It was forgotten when the bag was read."""
     bag = ros1_bag(tmp_path / "a.bag").read_bytes()
     store = opened(zipped(tmp_path / "log.zip", {"a.bag": bag, "README.txt": b"hello"}), tmp_path)
@@ -222,7 +222,7 @@ def test_an_unknown_file_is_answered_with_what_it_seems_to_be(data: bytes, words
     assert words in f"{caught.value.message} {caught.value.hint}"
 
 
-def test_a_table_of_a_heading_alone_is_said_to_have_no_rows(tmp_path: Path) -> None:
+def test_a_table_of_a_heading_alone_is_reported_to_have_no_rows(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("time,gx,gy\n")
     with pytest.raises(RecordingError, match="has a heading, but no rows"):

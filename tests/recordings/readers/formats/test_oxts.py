@@ -47,14 +47,14 @@ def test_packets_are_rows_with_their_times(kind: str, tmp_path: Path) -> None:
             archive.writestr("2017_07_14/drive/image_00/data/0000000000.png", b"\x89PNG\r\n\x1a\n")
     assert readable(str(path)) == path
     store = decode(open_file(path), tmp_path / "c", protocol_set.all_protocols())
-    found = {info["name"]: info for info in store.manifest["channels"]}
-    info = found["angular velocity"]
+    results = {info["name"]: info for info in store.manifest["channels"]}
+    info = results["angular velocity"]
     assert (info["unit"], [column["name"] for column in info["columns"]]) == ("rad/s", ["x", "y", "z"])
     rows = store.exact(info["id"], 0, 1000)
     there = np.delete(np.arange(N), 7)
     np.testing.assert_array_equal(rows.columns[0], there % 5)
     np.testing.assert_allclose(rows.time, START + there / 10, atol=1e-6)
-    assert found["latitude"]["unit"] == "deg"
+    assert results["latitude"]["unit"] == "deg"
 
 
 def test_a_folder_without_packets_is_refused_with_the_remedy(tmp_path: Path) -> None:

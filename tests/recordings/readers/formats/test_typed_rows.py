@@ -36,10 +36,10 @@ def opened(path: Path) -> ColumnStore:
 
 def channels(store: ColumnStore) -> dict[str, list[dict[str, Any]]]:
     """Channels by message."""
-    found: dict[str, list[dict[str, Any]]] = {}
+    results: dict[str, list[dict[str, Any]]] = {}
     for info in store.manifest["channels"]:
-        found.setdefault(info["message"], []).append(info)
-    return found
+        results.setdefault(info["message"], []).append(info)
+    return results
 
 
 @each_row(
@@ -113,7 +113,7 @@ def test_ascii_logs_of_novatel_have_their_week(tmp_path: Path) -> None:
     assert any("latitude" in info["name"] for info in channels(store)["INSPVAA"])
 
 
-def test_tables_that_all_leave_something_open_are_asked_for(tmp_path: Path) -> None:
+def test_tables_that_all_leave_something_open_are_requested(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("".join(f"ATT,{n},0,1\nCTUN,{n},0,1,2\n" for n in range(N)))
     with pytest.raises(RecordingError, match="the unit of column 1 can be s"):
@@ -144,9 +144,9 @@ def test_devices_with_numbers_have_clocks_of_their_own(tmp_path: Path) -> None:
     rows = [f"{n % 2},{n // 2 * 10 + n % 2 * 50_000},{n % 7},0,9" for n in range(400)]
     path.write_text("sensor_id,time_ms,a_x,a_y,a_z\n" + "\n".join(rows) + "\n")
     store = opened(path)
-    found = channels(store)
-    assert list(found) == ["sensor_id 0", "sensor_id 1"]
-    for infos in found.values():
+    results = channels(store)
+    assert list(results) == ["sensor_id 0", "sensor_id 1"]
+    for infos in results.values():
         np.testing.assert_allclose(np.diff(store.exact(infos[0]["id"], 0, 1000).time), 0.01, atol=1e-6)
 
 
@@ -159,9 +159,9 @@ def test_a_log_of_one_novatel_message_has_its_columns_and_gps_time(prompt: str, 
     lines = [f"{prompt}#INSPVAXA,{head.format(time)};{body.format(height)}*ffffffff" for time, height in times]
     path.write_text("\r\n\r\n".join(lines) + "\r\n")
     store = opened(path)
-    found = {info["name"]: info for info in channels(store)["INSPVAXA"]}
-    assert found["height"]["unit"] == "m"
-    rows = store.exact(found["height"]["id"], 0, 1000)
+    results = {info["name"]: info for info in channels(store)["INSPVAXA"]}
+    assert results["height"]["unit"] == "m"
+    rows = store.exact(results["height"]["id"], 0, 1000)
     np.testing.assert_array_equal(rows.columns[0], np.arange(60) % 7)
     np.testing.assert_allclose(rows.time, 315_964_800 + 2288 * 604_800 + 604_790 - 18 + np.arange(60) / 10, atol=1e-6)
 

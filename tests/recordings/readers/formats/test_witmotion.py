@@ -36,8 +36,8 @@ def test_a_cycle_of_frames_is_a_row(clock: bool, tmp_path: Path) -> None:
         with pytest.raises(RecordingError, match="no column of times"):
             opened(path)
     store = opened(path, 0.0 if clock else 50.0)
-    found = {info["name"]: info for info in store.manifest["channels"]}
-    assert [(name, info["unit"]) for name, info in found.items()] == [
+    results = {info["name"]: info for info in store.manifest["channels"]}
+    assert [(name, info["unit"]) for name, info in results.items()] == [
         ("Acceleration", "g"),
         ("Angular velocity", "deg/s"),
         ("Roll", "deg"),
@@ -47,20 +47,20 @@ def test_a_cycle_of_frames_is_a_row(clock: bool, tmp_path: Path) -> None:
         ("Height", "cm"),
         ("Quaternion", ""),
     ]
-    rows = store.exact(found["Acceleration"]["id"], 0, 1000)
+    rows = store.exact(results["Acceleration"]["id"], 0, 1000)
     np.testing.assert_allclose(rows.columns[0], np.arange(N) * 100 * 16 / 32_768)
     np.testing.assert_allclose(rows.columns[2], 1.0)
     np.testing.assert_allclose(np.diff(rows.time), 0.02, atol=1e-6)
     assert not clock or rows.time[0] == START
-    assert store.exact(found["Yaw"]["id"], 0, 1).columns[0][0] == -90
-    assert store.exact(found["Height"]["id"], 0, 1).columns[0][0] == 50_000
+    assert store.exact(results["Yaw"]["id"], 0, 1).columns[0][0] == -90
+    assert store.exact(results["Height"]["id"], 0, 1).columns[0][0] == 50_000
     assert [one["words"] for one in store.manifest["damage"]] == ["Frames of the types 0x5A are left out."]
     listed = probe(path)
     assert listed is not None
     assert not listed.damaged
 
 
-def test_damaged_frames_are_left_out_and_said(tmp_path: Path) -> None:
+def test_damaged_frames_are_left_out_and_reported(tmp_path: Path) -> None:
     data = b"".join(cycle(n, clock=True) for n in range(N))
     path = tmp_path / "a.bin"
     cut = bytearray(data[5:])  # begins inside of a frame
@@ -93,16 +93,16 @@ def test_frames_by_bluetooth_are_rows(begin: int, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="no column of times"):
         opened(path)
     store = opened(path, 50.0)
-    found = {info["name"]: (info["id"], info["unit"]) for info in store.manifest["channels"]}
-    assert {name: unit for name, (_, unit) in found.items()} == {
+    results = {info["name"]: (info["id"], info["unit"]) for info in store.manifest["channels"]}
+    assert {name: unit for name, (_, unit) in results.items()} == {
         **{"Acceleration": "g", "Angular velocity": "deg/s", "Roll": "deg", "Pitch": "deg", "Yaw": "deg"}
     }
-    rows = store.exact(found["Acceleration"][0], 0, 1000)
+    rows = store.exact(results["Acceleration"][0], 0, 1000)
     first = 1 if begin else 0
     np.testing.assert_allclose(rows.columns[0], np.arange(first, 42) * 100 * 16 / 32_768)
     np.testing.assert_allclose(rows.columns[2], 1.0)
     np.testing.assert_allclose(np.diff(rows.time), 0.02, atol=1e-6)
-    assert store.exact(found["Angular velocity"][0], 0, 1).columns[2][0] == 1000
-    assert store.exact(found["Yaw"][0], 0, 1).columns[0][0] == -90
+    assert store.exact(results["Angular velocity"][0], 0, 1).columns[2][0] == 1000
+    assert store.exact(results["Yaw"][0], 0, 1).columns[0][0] == -90
     assert store.manifest["damage"][0]["words"] == "1 answer is left out."
     assert sum(survives_damage(path, tmp_path))

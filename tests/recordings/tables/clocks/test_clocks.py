@@ -63,7 +63,9 @@ def test_a_known_column_of_times_is_the_axis(heading: str, cell: str, start: flo
         ("JD", 2_440_587.5, "JD"),
     ],
 )
-def test_days_since_an_epoch_are_dates_and_said_to_be(heading: str, days: float, program: str, tmp_path: Path) -> None:
+def test_days_since_an_epoch_are_dates_and_reported_as_such(
+    heading: str, days: float, program: str, tmp_path: Path
+) -> None:
     cells = f"f'{{{days + EPOCH / 86_400!r} + n / 8_640_000:.12f}}'"
     source, rows = read(tmp_path / "a.csv", table(heading, cells))
     resolution = 86_400 * np.spacing(days + EPOCH / 86_400)
@@ -184,11 +186,11 @@ def test_a_name_with_a_date_dates_a_clock_without_one(tmp_path: Path) -> None:
 )
 def test_every_step_is_reported_with_its_size(parts: list[tuple[int, float]], rate: int) -> None:
     """Nothing is bent to increase: each step back is a segment, and within one the times are those of the clock."""
-    clock, due, wanted = [], 1000.0, []
+    clock, due, expected = [], 1000.0, []
     for number, (length, by) in enumerate(parts):
         moved = round(by, 2) if number and abs(by) > 1 else 0.0
         if moved:
-            wanted.append((len(clock), moved))
+            expected.append((len(clock), moved))
         clock += [due + moved + n / rate for n in range(length)]
         due = clock[-1] + 1 / rate
     text = "time (s),gx\n" + "".join(f"{time:.6f},1\n" for time in clock)
@@ -198,9 +200,9 @@ def test_every_step_is_reported_with_its_size(parts: list[tuple[int, float]], ra
     assert source.axis.watch is not None
     watch = source.axis.watch
     assert [(step.row, round(step.by_s, 2)) for step in watch.steps] == [
-        (row, pytest.approx(by, abs=0.02)) for row, by in wanted
+        (row, pytest.approx(by, abs=0.02)) for row, by in expected
     ]
-    backs = {row for row, by in wanted if by < 0}
+    backs = {row for row, by in expected if by < 0}
     steps = np.diff(rows.time)
     for row in range(len(clock) - 1):
         if row + 1 in backs:
@@ -256,9 +258,9 @@ def test_more_ways_to_write_a_time(heading: str, cell: str, start: float | None,
 def test_rows_that_do_not_ascend_are_read_in_the_order_of_their_times(reverse: bool, tmp_path: Path) -> None:
     lines = table("time (s)", f"f'{{{EPOCH} + n / 100:.2f}}'").splitlines()
     rows = lines[:0:-1] if reverse else random.Random(1).sample(lines[1:], N)
-    source, found = read(tmp_path / "a.csv", "\n".join([lines[0], *rows]) + "\n")
-    np.testing.assert_allclose(found.time, EPOCH + np.arange(N) / 100, atol=2e-6)
-    np.testing.assert_array_equal(found.columns["gx"][0], np.arange(N) % 5)
+    source, result = read(tmp_path / "a.csv", "\n".join([lines[0], *rows]) + "\n")
+    np.testing.assert_allclose(result.time, EPOCH + np.arange(N) / 100, atol=2e-6)
+    np.testing.assert_array_equal(result.columns["gx"][0], np.arange(N) % 5)
     assert source.axis is not None
     assert source.axis.watch is not None
     assert source.axis.watch.steps == []

@@ -106,22 +106,22 @@ async def test_the_queue_is_bounded_and_drops_are_counted(monkeypatch: pytest.Mo
     monkeypatch.setattr("imuscope.server.links.reader_thread.MAX_HELD", 10_000)
 
     link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
-    heard: list[Chunk] = []
-    link.flow.arrivals.add(heard.extend)
+    received: list[Chunk] = []
+    link.flow.arrivals.add(received.extend)
     inbox = ChunkQueue(link)
     put(inbox, 100, 1000)
     assert inbox.backlog <= 10_000
-    assert inbox.waiting_since_ns == heard[-len(inbox._chunks)].arrival_ns
+    assert inbox.waiting_since_ns == received[-len(inbox._chunks)].arrival_ns
     link.flow.at_once = 1 << 20
-    kept = inbox.take_now(0)
-    assert len(heard) == 100
-    assert kept == heard[-len(kept) :], "the oldest go"
-    assert link.flow.dropped == sum(len(chunk.data) for chunk in heard) - sum(len(chunk.data) for chunk in kept)
+    stored = inbox.take_now(0)
+    assert len(received) == 100
+    assert stored == received[-len(stored) :], "the oldest go"
+    assert link.flow.dropped == sum(len(chunk.data) for chunk in received) - sum(len(chunk.data) for chunk in stored)
     assert inbox.backlog == 0
     assert inbox.waiting_since_ns is None
 
 
-async def test_a_reader_that_looks_by_itself_is_not_woken() -> None:
+async def test_a_reader_that_polls_by_itself_is_not_woken() -> None:
     link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
     inbox = ChunkQueue(link)
     put(inbox, 1, 10)
@@ -145,11 +145,11 @@ async def test_one_read_returns_a_bounded_piece() -> None:
     tcp.flow.at_once = 5000
     inbox = ChunkQueue(tcp)
     put(inbox, 3, 8000)
-    found = []
+    results = []
     while chunks := inbox.take_now(0):
         assert sum(len(chunk.data) for chunk in chunks) <= 5000
-        found += chunks
-    assert b"".join(chunk.data for chunk in found) == b"".join(bytes([n]) * 8000 for n in range(3))
+        results += chunks
+    assert b"".join(chunk.data for chunk in results) == b"".join(bytes([n]) * 8000 for n in range(3))
     assert inbox.backlog == 0
 
     udp = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
@@ -179,8 +179,8 @@ async def test_a_datagram_is_cut_where_nothing_is_framed_by_its_end(protocol: st
         with inbox._lock:
             inbox._chunks.append(Chunk(bytes(60_000), 7))
             inbox._size += 60_000 + CHUNK_COST
-            taken = inbox._take_some()
-        assert [len(chunk.data) for chunk in taken] == ([60_000] if whole else [4000])
+            batch = inbox._take_some()
+        assert [len(chunk.data) for chunk in batch] == ([60_000] if whole else [4000])
         inbox._chunks.clear()
 
 
@@ -190,9 +190,9 @@ async def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pyte
     link = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
     inbox = ChunkQueue(link)
     put(inbox, 20, 1000)
-    looks = iter([False, False, True])
-    inbox.wait(10_000, lambda seconds: next(looks))
-    assert next(looks, None) is None, "it waited until the link was closed"
+    views = iter([False, False, True])
+    inbox.wait(10_000, lambda seconds: next(views))
+    assert next(views, None) is None, "it waited until the link was closed"
     assert link.flow.dropped == 0
     assert inbox.backlog == 20 * (1000 + CHUNK_COST)
     off = link.flow.arrivals.add(lambda chunk: None)
@@ -218,9 +218,9 @@ async def test_a_flood_is_reported_and_turns_stay_short(monkeypatch: pytest.Monk
                 longest = max(longest, made.session._pipeline.slices.size)
         await until(lambda: made.info.notices[-1].startswith("Bytes arrive faster"), "a notice says so")
         await until(lambda: not turns.has_more and not link.backlog, "the rest is decoded")
-        told = [event for event in made.events("link") if event.data.get("kind") == "left-out"]
-        assert told
-        assert "A recording has them all" in told[0].text
+        messages = [event for event in made.events("link") if event.data.get("kind") == "left-out"]
+        assert messages
+        assert "A recording has them all" in messages[0].text
         figures = made.session._stats
         assert figures.left_out == link.flow.dropped > 0
         assert figures.left_out + figures.bytes.total == len(made.bytes), "what came is decoded or counted"

@@ -46,9 +46,9 @@ type = "i16"
 
 def test_words_become_settings_of_a_decoder() -> None:
     texts = {"key": KEY, "min_mode": "safety", "unverified": "1", "no_replay_check": "1", "time_unit": ""}
-    said = checked_options("idtp", texts)
-    wanted = {"key": bytes.fromhex(KEY), "min_mode": 1, "show_unverified": True, "replay_check": False}
-    assert (said.protocol, said.settings("idtp")) == ("idtp", wanted)
+    message = checked_options("idtp", texts)
+    expected = {"key": bytes.fromhex(KEY), "min_mode": 1, "show_unverified": True, "replay_check": False}
+    assert (message.protocol, message.settings("idtp")) == ("idtp", expected)
     [row] = checked_options("idtp", {"schema": SCHEMA}).settings("idtp")["schema"].values()
     assert row.name == "Wheels"
     assert checked_options() == DecodeOptions()
@@ -56,18 +56,18 @@ def test_words_become_settings_of_a_decoder() -> None:
 
 
 def test_a_protocol_gets_only_options_it_knows() -> None:
-    said = checked_options("", {"key": KEY, "min_mode": "lite", "schema": SCHEMA})
-    assert said.settings("xbus") == said.settings("unknown") == {}
-    assert said.settings("idtp").keys() == {"key", "min_mode", "schema"}
+    message = checked_options("", {"key": KEY, "min_mode": "lite", "schema": SCHEMA})
+    assert message.settings("xbus") == message.settings("unknown") == {}
+    assert message.settings("idtp").keys() == {"key", "min_mode", "schema"}
     assert DecodeOptions().settings("idtp") == {}
 
 
 def test_what_may_be_shown_and_what_is_recorded() -> None:
     texts = {"key": KEY, "min_mode": "lite", "schema": SCHEMA, "time_unit": "ms"}
-    said = checked_options("idtp", texts)
-    assert (said.secrets, said.shown) == ({"key": KEY}, {"min_mode": "lite", "time_unit": "ms"})
-    assert said.recorded.keys() == {"schema", "time_unit"}
-    assert KEY not in repr(said)
+    message = checked_options("idtp", texts)
+    assert (message.secrets, message.shown) == ({"key": KEY}, {"min_mode": "lite", "time_unit": "ms"})
+    assert message.recorded.keys() == {"schema", "time_unit"}
+    assert KEY not in repr(message)
     assert "schema" not in url_options(), "a source, which HTTP can name, opens no other file"
 
 
@@ -129,11 +129,11 @@ def test_unusable_options(arguments: dict[str, str], words: str) -> None:
 
 
 def test_a_source_carries_decode_options() -> None:
-    rest, said = parse_source_options(f"udp://:5000?protocol=idtp&key={KEY}&min_mode=secure", DecodeOptions("isb"))
-    assert (rest, said) == ("udp://:5000", decode_options("idtp", key=KEY, min_mode="secure"))
-    rest, said = parse_source_options("sim:idtp?mode=secure&unverified=1&rate=50", DecodeOptions())
-    assert (rest, said) == ("sim:idtp?mode=secure&rate=50", decode_options(unverified=True))
-    assert parse_source_options("sim:idtp?unverified=0", said) == ("sim:idtp", DecodeOptions())
+    rest, message = parse_source_options(f"udp://:5000?protocol=idtp&key={KEY}&min_mode=secure", DecodeOptions("isb"))
+    assert (rest, message) == ("udp://:5000", decode_options("idtp", key=KEY, min_mode="secure"))
+    rest, message = parse_source_options("sim:idtp?mode=secure&unverified=1&rate=50", DecodeOptions())
+    assert (rest, message) == ("sim:idtp?mode=secure&rate=50", decode_options(unverified=True))
+    assert parse_source_options("sim:idtp?unverified=0", message) == ("sim:idtp", DecodeOptions())
     assert parse_source_options("/dev/ttyUSB0?protocol=auto&baud=9600", DecodeOptions("isb")) == (
         "/dev/ttyUSB0?baud=9600",
         DecodeOptions(),
@@ -145,14 +145,14 @@ def test_a_source_carries_decode_options() -> None:
 
 def test_timestamp_unit_and_quaternion_direction_can_be_set() -> None:
     """The same message for the source, the command line, the settings and HTTP."""
-    wanted = decode_options("idtp", time_unit="ms", rotation="body_from_enu")
-    rest, said = parse_source_options("udp://:5000?time_unit=ms&rotation=body_from_enu", DecodeOptions("idtp"))
-    assert (rest, said) == ("udp://:5000", wanted)
+    expected = decode_options("idtp", time_unit="ms", rotation="body_from_enu")
+    rest, message = parse_source_options("udp://:5000?time_unit=ms&rotation=body_from_enu", DecodeOptions("idtp"))
+    assert (rest, message) == ("udp://:5000", expected)
     words = "serve udp://:5000 --protocol idtp --time-unit ms --rotation body_from_enu"
-    assert decode_options_of(options.parse(words.split()), "idtp") == wanted
-    assert load(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == wanted
-    assert DecodeOptionsBody.model_validate({"protocol": "idtp", **wanted.values}).reading() == wanted
-    assert wanted.settings("idtp") == {"time_unit": "ms", "rotation": "body_from_enu"}
+    assert decode_options_of(options.parse(words.split()), "idtp") == expected
+    assert load(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == expected
+    assert DecodeOptionsBody.model_validate({"protocol": "idtp", **expected.values}).reading() == expected
+    assert expected.settings("idtp") == {"time_unit": "ms", "rotation": "body_from_enu"}
     for wrong in ("time_unit=min", "rotation=inverse"):
         with pytest.raises(DecodeOptionError, match="not one of"):
             parse_source_options(f"udp://:5000?{wrong}", DecodeOptions())
@@ -180,10 +180,10 @@ def test_files(tmp_path: Path) -> None:
 def test_a_configuration_holds_them(tmp_path: Path) -> None:
     (tmp_path / "schema.toml").write_text(SCHEMA)
     config = load(key=KEY, min_mode="safety", schema=str(tmp_path / "schema.toml"), unverified=True)
-    said = config.reading()
-    assert said == decode_options(key=KEY, min_mode="safety", schema=parse(SCHEMA), unverified=True)
+    message = config.reading()
+    assert message == decode_options(key=KEY, min_mode="safety", schema=parse(SCHEMA), unverified=True)
     assert KEY not in repr(config)
-    assert KEY not in repr(said)
+    assert KEY not in repr(message)
     with pytest.raises(ConfigError) as caught:
         load(key=123456)
     assert "123456" not in str(caught.value)

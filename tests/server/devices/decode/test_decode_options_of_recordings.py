@@ -37,7 +37,7 @@ name = "Steering"
 type = "f32"
 bias = 1.5
 """
-SAID = decode_options(schema=parse(SCHEMA), time_unit="ms", rotation="body_from_enu")
+OPTIONS = decode_options(schema=parse(SCHEMA), time_unit="ms", rotation="body_from_enu")
 
 
 def capture(folder: Path, mode: int = SAFETY) -> Path:
@@ -59,16 +59,16 @@ def test_the_first_device_seen() -> None:
     def settings(options: DecodeOptions, about: dict[str, Any], usual: DecodeOptions) -> dict[str, Any]:
         return recorded(options, about, usual).settings("idtp")
 
-    assert settings(DecodeOptions(), about, SAID)["time_unit"] == "ms", "nothing of a recording that makes no sense"
-    assert settings(DecodeOptions(), {"time_unit": "s"}, SAID)["time_unit"] == "s"
-    assert settings(decode_options(time_unit="us"), {"time_unit": "s"}, SAID)["time_unit"] == "us"
+    assert settings(DecodeOptions(), about, OPTIONS)["time_unit"] == "ms", "nothing of a recording that makes no sense"
+    assert settings(DecodeOptions(), {"time_unit": "s"}, OPTIONS)["time_unit"] == "s"
+    assert settings(decode_options(time_unit="us"), {"time_unit": "s"}, OPTIONS)["time_unit"] == "us"
     assert settings(decode_options(key=b"own"), {}, decode_options(key=b"usual"))["key"] == b"own"
-    assert "key" not in settings(DecodeOptions(), {"key": "00"}, SAID), "a recording gives no key"
+    assert "key" not in settings(DecodeOptions(), {"key": "00"}, OPTIONS), "a recording gives no key"
 
 
 def test_an_uploaded_capture_is_decoded_with_the_servers_options(tmp_path: Path) -> None:
     source = open_file(capture(tmp_path), "idtp")
-    columns = decode(source, tmp_path / "store", all_protocols(), DecodeOptions(), usual=SAID)
+    columns = decode(source, tmp_path / "store", all_protocols(), DecodeOptions(), usual=OPTIONS)
     assert {info["name"] for info in columns.manifest["channels"]} == {"Speed", "Steering", "WheelsStatus"}
     columns = decode(source, tmp_path / "other", all_protocols(), DecodeOptions())
     assert {info["name"] for info in columns.manifest["channels"]} == {"0x80Status"}
@@ -76,7 +76,7 @@ def test_an_uploaded_capture_is_decoded_with_the_servers_options(tmp_path: Path)
 
 def test_the_cache_reports_to_its_process(tmp_path: Path) -> None:
     capture(tmp_path, SECURE)
-    told = decode_options(key=KEY, schema=parse(SCHEMA))
+    report = decode_options(key=KEY, schema=parse(SCHEMA))
 
     async def names(usual: DecodeOptions) -> set[str]:
         shelf = ColumnCache(tmp_path / "data", lambda name: tmp_path / f"{name}.bin", usual)
@@ -85,7 +85,7 @@ def test_the_cache_reports_to_its_process(tmp_path: Path) -> None:
         finally:
             await shelf.close()
 
-    assert asyncio.run(names(told)) == {"Speed", "Steering", "WheelsStatus"}
+    assert asyncio.run(names(report)) == {"Speed", "Steering", "WheelsStatus"}
     assert asyncio.run(names(DecodeOptions())) == set(), "read in another way it is another store"
 
 

@@ -26,12 +26,12 @@ class ReadyLink(FakeLink):
 
     def read_now(self, again_ns: int) -> list[Chunk]:
         self.again_ns = again_ns
-        found = []
+        results = []
         while not self._queue.empty():
             chunk = self._queue.get_nowait()
             assert isinstance(chunk, Chunk)
-            found.append(chunk)
-        return found
+            results.append(chunk)
+        return results
 
 
 def drains(clients: int, interval_s: float = 0.0, devices: int = 2) -> list[int]:
@@ -70,10 +70,10 @@ def drains(clients: int, interval_s: float = 0.0, devices: int = 2) -> list[int]
             for link in links:
                 link.send(sample(k))
             await asyncio.sleep(0.004)
-        found = list(counts)
+        results = list(counts)
         assert [session.health(clock()).bytes for session in made] == [1000] * devices
         await sessions.close()
-        return found
+        return results
 
     return virtual_time.run(run())
 
@@ -113,7 +113,7 @@ class SilentLink(ReadyLink):
         raise AssertionError
 
 
-def test_while_bytes_arrive_a_session_looks_for_them_by_itself() -> None:
+def test_while_bytes_arrive_a_session_polls_for_them_by_itself() -> None:
     async def run() -> None:
         clock = FakeClock()
         link = SilentLink("/dev/ttyFAKE", LinkSettings(now_ns=clock.now_ns))
@@ -145,7 +145,7 @@ class BusyLink(ReadyLink):
         return self.waiting
 
 
-def test_how_far_decoding_is_behind_is_told() -> None:
+def test_how_far_decoding_is_behind_is_reported() -> None:
     """A server that was two minutes behind was "live", with empty plots and not a word."""
 
     async def run() -> None:
@@ -170,19 +170,19 @@ def test_an_answer_is_decoded_at_once() -> None:
         session = Session("1", link, Telemetry.create(clock).bus, SPEECH, DecodeOptions("fake"))
         session.start()
         await asyncio.sleep(1.0)
-        heard: list[float] = []
+        received: list[float] = []
         loop = asyncio.get_running_loop()
-        session.listeners.listen(lambda event: heard.append(loop.time()))
+        session.listeners.listen(lambda event: received.append(loop.time()))
         for suppressed in (False, True):
             session.access.suppress_timeout(suppressed)
             await asyncio.sleep(UNWATCHED_S)
             link.send(sample(1))  # the first slices of a stretch
             await asyncio.sleep(0.01)
             began = loop.time()
-            heard.clear()
+            received.clear()
             link.send(sample(2))
             await asyncio.sleep(1.0)
-            (at,) = heard
+            (at,) = received
             assert (at == began) is suppressed, "at once, and only then"
         await session.close()
 

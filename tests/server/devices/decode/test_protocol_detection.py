@@ -53,18 +53,18 @@ class Newer:
 
 
 def stage_after(device: Any, reading: DecodeOptions, link: type[FakeLink], seconds: float = 2) -> Session:
-    found: list[Session] = []
+    results: list[Session] = []
 
     async def run() -> None:
         stage = FamilyHarness(reading, link)
         stage.session.start()
         await asyncio.sleep(0.001)
         await stage.run(device, seconds)
-        found.append(stage.session)
+        results.append(stage.session)
         await stage.session.close()
 
     virtual_time.run(run())
-    return found[0]
+    return results[0]
 
 
 def test_no_baud_rate_is_suggested_for_udp() -> None:
@@ -76,8 +76,8 @@ def test_no_baud_rate_is_suggested_for_udp() -> None:
 @each_row("reading", [DecodeOptions(), DecodeOptions("idtp")])
 def test_another_version_is_named(reading: DecodeOptions) -> None:
     session = stage_after(Newer(), reading, Datagrams)
-    told = [session.info.message, *(event.text for event in session._sink._log)]
-    assert any("IDTP 3.1" in one for one in told), told
+    messages = [session.info.message, *(event.text for event in session._sink._log)]
+    assert any("IDTP 3.1" in one for one in messages), messages
 
 
 @each_row(("mode", "link", "warned"), [(LITE, Datagrams, 1), (SAFETY, Datagrams, 0), (LITE, FakeLink, 0)])

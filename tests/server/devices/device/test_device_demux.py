@@ -63,8 +63,8 @@ def test_chunks_do_not_matter(captures: Path, chunk: int) -> None:
     cut, _ = play(path, chunk)
     assert [one.info.name for one in whole.store.all] == [one.info.name for one in cut.store.all]
     for channel in whole.store.all:
-        for wanted, got in zip(channel.ring.read()[2:], cut.store.of(channel.info.id).ring.read()[2:], strict=True):
-            np.testing.assert_array_equal(wanted, got)
+        for expected, got in zip(channel.ring.read()[2:], cut.store.of(channel.info.id).ring.read()[2:], strict=True):
+            np.testing.assert_array_equal(expected, got)
 
 
 def test_satellites_are_a_table(captures: Path) -> None:

@@ -14,7 +14,7 @@ from imuscope.server.wire import DeviceInfo
 from tests.support.each_row import each_row
 
 
-def said_by(product: str) -> list[Reply]:
+def replies_of(product: str) -> list[Reply]:
     decoder = XbusDecoder()
     decoder.feed(XbusSimulator(product).advance(1_500_000_000), 0)
     return [event for event in decoder.drain() if isinstance(event, Reply)]
@@ -23,13 +23,13 @@ def said_by(product: str) -> list[Reply]:
 @each_row("product", ["MTi-630", "MTi-680G"])
 def test_a_600_has_its_product_code_in_configuration(product: str) -> None:
     identity = DeviceIdentity(xbus_identity)
-    assert sum(identity.update(reply) for reply in said_by(product)) > 0
+    assert sum(identity.update(reply) for reply in replies_of(product)) > 0
     assert identity.product.startswith(product)
     assert identity.serial_number != ""
 
 
 def test_a_600_without_a_code_is_at_least_of_its_series() -> None:
-    [configuration] = [reply for reply in said_by("MTi-630") if reply.message.name == "Configuration"]
+    [configuration] = [reply for reply in replies_of("MTi-630") if reply.message.name == "Configuration"]
     silent = Reply(configuration.message, {**configuration.values, "reserved_host": bytes(32)}, 0, 118, 0)
     identity = DeviceIdentity(xbus_identity)
     identity.update(silent)

@@ -7,13 +7,13 @@ from imuscope.server.devices.device.event_reporter import EventReporter
 from imuscope.server.streaming.telemetry import Telemetry
 
 
-def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]], int]:
+def reports_of(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]], int]:
     """Times and counts of the reports; reasons[i] occurs `rate` times in second i ("": none)."""
     now = 1000.0
     telemetry = Telemetry.create(lambda: now)
     incidents = EventReporter(telemetry.bus, "1")
-    found: list[tuple[float, int]] = []
-    telemetry.bus.events.subscribe(lambda event: found.append((round(now - 1000.0, 1), event.samples)))
+    results: list[tuple[float, int]] = []
+    telemetry.bus.events.subscribe(lambda event: results.append((round(now - 1000.0, 1), event.samples)))
     incidents.tick(now)
     sent = 0
     for second, reason in enumerate(reasons):
@@ -23,25 +23,25 @@ def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]]
                 incidents.rejects([RejectedFrame(0, 40, reason, round(now * 1e9))])
                 sent += 1
             incidents.tick(now)
-    return found, sent
+    return results, sent
 
 
 def test_a_stale_event_is_not_repeated_every_second() -> None:
-    found, sent = told(["stale"] * 600 + [""] * 10)
-    assert found[0][0] <= 1.1, "at once"
-    assert len(found) < 20
-    assert sum(count for _, count in found) == sent
+    results, sent = reports_of(["stale"] * 600 + [""] * 10)
+    assert results[0][0] <= 1.1, "at once"
+    assert len(results) < 20
+    assert sum(count for _, count in results) == sent
 
 
 def test_another_reason_is_reported_at_once() -> None:
-    found, _ = told(["stale"] * 100 + ["bad_hmac"] * 2)
-    assert any(100 <= at <= 101.2 for at, _ in found)
+    results, _ = reports_of(["stale"] * 100 + ["bad_hmac"] * 2)
+    assert any(100 <= at <= 101.2 for at, _ in results)
 
 
 def test_an_ended_event_is_reported_soon_and_reported_again_later() -> None:
-    found, sent = told(["stale"] * 3 + [""] * 57 + ["stale"] * 2 + [""] * 2)
-    first = [one for one in found if one[0] < 50]
+    results, sent = reports_of(["stale"] * 3 + [""] * 57 + ["stale"] * 2 + [""] * 2)
+    first = [one for one in results if one[0] < 50]
     assert first[-1][0] < 5
     assert sum(count for _, count in first) == 30
-    assert any(60 < at <= 61.2 for at, _ in found)
-    assert sum(count for _, count in found) == sent
+    assert any(60 < at <= 61.2 for at, _ in results)
+    assert sum(count for _, count in results) == sent

@@ -46,7 +46,7 @@ def test_one_batch_is_mapped_as_several_are(turns: list[list[tuple[int, int]]], 
                 each.clock._pieces.add(offset + SIZE, arrival + late)
         rows = [np.array(values, np.int64) for values in (np.maximum.accumulate(arrivals), offsets, times)]
         batch = Batch(MESSAGE, "", *rows, {}, size=SIZE)
-        (found,) = one._host_times([batch], [])
+        (result,) = one._host_times([batch], [])
         (expected,) = several._host_times([batch], [ClockStep(0, "reset", 0, 0)])  # reported, without a change of times
-        assert found.tobytes() == expected.tobytes()
+        assert result.tobytes() == expected.tobytes()
     assert one._breaks == several._breaks

@@ -159,9 +159,9 @@ def test_every_cause_is_a_sentence_with_a_remedy() -> None:
     way = Way(0, network_ms=3)
     network = mapped(stream(ModelDevice(((100, 60),)), way, 10), ClockSync(unknown_ns=1e6)).clock
     now = EPOCH_NS / 1e9 + 10
-    found = cause_of(network, [], kind="udp", port="", now=now)
-    assert found is not None
-    assert found.kind == "network"
+    result = cause_of(network, [], kind="udp", port="", now=now)
+    assert result is not None
+    assert result.kind == "network"
     late = mapped(stream(ModelDevice(), Way(timer_ms=16), 10), ClockSync(86_806, holds_ns=1e6)).clock
     hub = cause_of(late, [], kind="serial", port="ttyUSB1", now=now)
     assert hub is not None
@@ -173,7 +173,7 @@ def test_every_cause_is_a_sentence_with_a_remedy() -> None:
     often = cause_of(timer, [now - 50, now - 10, now - 90], kind="serial", port="", now=now)
     assert often is not None
     assert "2 times" in often.text
-    for cause in (found, hub, bursts, often):
+    for cause in (result, hub, bursts, often):
         assert cause.text.endswith(".")
         assert cause.remedy.endswith(".")
 
@@ -208,9 +208,9 @@ def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
         for at in range(0, len(data), step):
             decoder.feed(data[at : at + step], at)
             events += decoder.drain()
-        found = [event for event in events if isinstance(event, Batch) and event.size]
-        starts = np.sort(np.concatenate([batch.offset for batch in found]))
-        sizes = {int(at): batch.size for batch in found for at in batch.offset}
+        results = [event for event in events if isinstance(event, Batch) and event.size]
+        starts = np.sort(np.concatenate([batch.offset for batch in results]))
+        sizes = {int(at): batch.size for batch in results for at in batch.offset}
         follows = [at for at, following in itertools.pairwise(starts) if at + sizes[int(at)] == following]
         assert len(follows) > 0.9 * len(starts)
         assert all(at + sizes[int(at)] <= following for at, following in itertools.pairwise(starts))
@@ -235,9 +235,9 @@ async def test_a_capture_played_faster_is_not_a_clock_jump(speed: float) -> None
         if k % 10 == 0:
             session.access.decode()
             session.tick(clock())
-    said = [event.text for event in telemetry.log if event.kind == "clock" or event.data.get("reason") == "unit"]
+    texts = [event.text for event in telemetry.log if event.kind == "clock" or event.data.get("reason") == "unit"]
     channel = next(one for one in telemetry.store.all if one.info.name == "Acceleration")
     steps = np.diff(channel.ring.read()[1][100:])
     await session.close()
-    assert said == []
+    assert texts == []
     assert abs(steps - 0.01 / speed).max() < 0.002 / speed

@@ -10,7 +10,7 @@ from imuscope.server.concurrency.rate_meter import FRESH_S, RateMeter
 
 
 @given(st.sampled_from([50, 100, 400, 2000]), st.sampled_from([1, 4, 16, 64]), st.floats(0, 0.05))
-def test_a_rate_is_true_for_any_burst(rate: int, burst_ms: int, asked_after: float) -> None:
+def test_a_rate_is_true_for_any_burst(rate: int, burst_ms: int, requested_after: float) -> None:
     """Samples of an even stream that come in bursts: the reading is off by no more than one sample in the window."""
     meter = RateMeter()
     sent = 0
@@ -20,7 +20,7 @@ def test_a_rate_is_true_for_any_burst(rate: int, burst_ms: int, asked_after: flo
         if due > sent:
             meter.add(due - sent, arrival)
             sent = due
-    assert meter.rate(arrivals[-1] + asked_after) == pytest.approx(rate, rel=0.02)
+    assert meter.rate(arrivals[-1] + requested_after) == pytest.approx(rate, rel=0.02)
 
 
 def test_a_message_sent_once_a_second_has_a_rate_of_one() -> None:

@@ -82,8 +82,8 @@ async def test_samples_lost_by_a_false_number_only_are_taken_back() -> None:
         assert (stage.health.lost, stage.health.gaps) == (59_995, 1)
         await stage.run(device, 2)
         assert (stage.health.lost, stage.health.gaps) == (0, 0)
-        [told] = [event for event in stage.events("device") if "withdrawn" in event.data]
-        assert told.text.startswith("59995 samples reported as lost earlier were not lost")
+        [report] = [event for event in stage.events("device") if "withdrawn" in event.data]
+        assert report.text.startswith("59995 samples reported as lost earlier were not lost")
 
 
 async def test_bytes_that_no_decoder_claims_are_counted() -> None:

@@ -57,11 +57,11 @@ def test_a_range_of_time_is_what_arrived_then_however_it_was_packed(
             ]
             all_chunks += made
             memory.append(made, "rx")
-    wanted = [(chunk.data, chunk.arrival_ns) for chunk in all_chunks if since <= chunk.arrival_ns < until]
+    expected = [(chunk.data, chunk.arrival_ns) for chunk in all_chunks if since <= chunk.arrival_ns < until]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(byte_memory, "RUN_CHUNKS", 3)
-        found = [chunk for run in memory.runs(since, until) for piece in run.pieces() for chunk in piece]
-    assert found == wanted
+        results = [chunk for run in memory.runs(since, until) for piece in run.pieces() for chunk in piece]
+    assert results == expected
     assert memory.span == (0, len(all_chunks) - 1)
 
 
@@ -106,9 +106,9 @@ def test_a_follower_gets_every_byte_once_whenever_it_joins(data: st.DataObject) 
         thread.join()
     for way in ("rx", "tx"):
         joined = [one for one in got if one[2] == way]
-        wanted = [one for one in every if one[2] == way]
-        assert joined == wanted[len(wanted) - len(joined) :], "in order, none twice, none missing"
-        assert all(one in joined for one in wanted if one[1] >= since)
+        expected = [one for one in every if one[2] == way]
+        assert joined == expected[len(expected) - len(joined) :], "in order, none twice, none missing"
+        assert all(one in joined for one in expected if one[1] >= since)
 
 
 def test_a_follower_that_fails_is_removed_and_memory_goes_on() -> None:
@@ -244,7 +244,7 @@ def test_the_last_seconds_of_chosen_devices(running: InProcessServer, links: Fak
     assert chunks(tmp_path / "recordings" / f"{earlier['id']}.mcap", "rx/1") == sample(1)
 
 
-def test_nothing_in_memory_is_said(running: InProcessServer) -> None:
+def test_nothing_in_memory_is_reported(running: InProcessServer) -> None:
     answer = running.client.post("/api/recordings/save-memory", json={})
     assert answer.status_code == 404
     assert "No bytes" in answer.json()["message"]

@@ -23,7 +23,7 @@ from tests.support.fakes import NOW_NS, FakeClock, FakeLink
 def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -> tuple[Any, Any]:
     """A device streams, its link is interrupted, and it streams again; the reported gap and the health."""
     device: Any = {"xbus": XbusSimulator(measuring=True), "idtp": IdtpSimulator(), "isb": IsbSimulator()}[protocol]
-    found: list[Any] = []
+    results: list[Any] = []
 
     async def run() -> None:
         clock = FakeClock()
@@ -49,12 +49,12 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
         session.retry()
         await asyncio.sleep(0.001)
         await stream(XbusSimulator(measuring=True, start_ns=clock.ns - NOW_NS) if restarted else device, 1)
-        found.append(next(event for event in telemetry.log if event.kind == "gap"))
-        found.append(session.health(clock()))
+        results.append(next(event for event in telemetry.log if event.kind == "gap"))
+        results.append(session.health(clock()))
         await session.close()
 
     virtual_time.run(run())
-    return found[0], found[1]
+    return results[0], results[1]
 
 
 @each_row(("protocol", "counter"), [("xbus", "PacketCounter"), ("idtp", "sequence")])

@@ -235,7 +235,7 @@ async def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(mo
     """While no bytes arrive, nothing is detected, decoded or reported repeatedly; when they do, there is no delay."""
     async with playing(protocol="") as stage:
         guessed: list[int] = []
-        told: list[object] = []
+        messages: list[object] = []
         guess = SPEECH.guess
         monkeypatch.setattr(
             stage.session._pipeline,
@@ -246,10 +246,10 @@ async def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(mo
         device = stage.telemetry.bus.devices.latest["1"]
         assert (device.status, device.protocol) == ("connecting", "")
         assert device.message.endswith("is open, 0 B so far.")
-        monkeypatch.setattr(stage.telemetry.bus, "set_device", told.append)
-        monkeypatch.setattr(stage.session._scheduler, "request", lambda: told.append("decode"))
+        monkeypatch.setattr(stage.telemetry.bus, "set_device", messages.append)
+        monkeypatch.setattr(stage.session._scheduler, "request", lambda: messages.append("decode"))
         await stage.settle(60.0)
-        assert (guessed, told, stage.link.opened) == ([], [], 1)
+        assert (guessed, messages, stage.link.opened) == ([], [], 1)
         monkeypatch.undo()
         await stage.send(*(sample(k % 250) for k in range(protocol_detection.GUESS_BYTES // 4)), every=0.0005)
         assert stage.info.status == "live"
@@ -292,17 +292,17 @@ async def test_a_restart_of_a_looped_file_is_reported_once_and_is_no_jump_or_los
         for turn in range(3):
             for k in range(100, 140):
                 stage.clock.move(0.01)
-                stage.link.send(sample(k), anew=turn > 0 and k == 100)
+                stage.link.send(sample(k), restart=turn > 0 and k == 100)
             await stage.settle()
             await stage.settle(1.1)
         await stage.settle(1.1)
-        told = stage.events("clock")
-        assert [event.text for event in told] == ["ttyFAKE starts again."] * 2
-        assert {event.level for event in told} == {"info"}
+        report = stage.events("clock")
+        assert [event.text for event in report] == ["ttyFAKE starts again."] * 2
+        assert {event.level for event in report} == {"info"}
         _, time, force = stage.channel("Force").ring.read()
         assert len(force) == 120
         assert (np.diff(time) > 0).all()
-        for turn, event in enumerate(told, 1):
+        for turn, event in enumerate(report, 1):
             assert time[40 * turn - 1] < event.time < time[40 * turn], "a page breaks its lines between the turns"
         health = stage.session.health(stage.clock())
         assert (health.gaps, health.lost, stage.events("gap")) == (0, 0, [])
@@ -424,16 +424,16 @@ async def test_received_and_sent_bytes_reach_listeners() -> None:
 
 async def test_a_failing_listener_does_not_affect_others(caplog: pytest.LogCaptureFixture) -> None:
     async with playing() as stage:
-        heard: list[object] = []
+        received: list[object] = []
 
         def broken(*news: object) -> None:
             raise RuntimeError("a listener that breaks")
 
         stage.session.listeners.listen(broken)
         stage.session.listeners.chunks(broken)
-        stage.session.listeners.listen(heard.append)
+        stage.session.listeners.listen(received.append)
         await stage.send(sample(0), sample(1))
-        assert len(heard) == 2
+        assert len(received) == 2
         assert stage.info.status == "live"
         assert stage.events("device") == []
     assert caplog.text.count("RuntimeError: a listener that breaks") == 4  # two listeners, for each of two chunks

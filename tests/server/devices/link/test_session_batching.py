@@ -44,9 +44,9 @@ async def result(chunks: list[Chunk], groups: list[int]) -> dict[str, Any]:
     clock = FakeClock()
     telemetry = Telemetry.create(clock)
     link = GatheredLink(LinkSettings(now_ns=clock.now_ns))
-    heard: list[tuple[bytes, int, str]] = []
+    received: list[tuple[bytes, int, str]] = []
     session = Session("1", link, telemetry.bus, all_protocols(), DecodeOptions("xbus"))
-    session.listeners.chunks(lambda came, way: heard.extend((one.data, one.arrival_ns, way) for one in came))
+    session.listeners.chunks(lambda came, way: received.extend((one.data, one.arrival_ns, way) for one in came))
     session.start()
     await asyncio.sleep(0)
     await asyncio.sleep(0)
@@ -58,7 +58,7 @@ async def result(chunks: list[Chunk], groups: list[int]) -> dict[str, Any]:
             session._on_chunks(part)
     session.access.decode()
     stats, now = session._stats, clock()
-    found = {
+    results = {
         "rows": {one.info.name: [column.tolist() for column in one.ring.read()] for one in telemetry.store.all},
         "bytes": (stats.bytes.total, stats.bytes.rate(now), stats.last_arrival),
         "messages": stats.report(now),
@@ -68,10 +68,10 @@ async def result(chunks: list[Chunk], groups: list[int]) -> dict[str, Any]:
         "diagnostics": list(session._diagnostics._recent),
         "tail": session.access.bytes_at(0, 1 << 20),
         "backlog": session._pipeline.slices._used,
-        "heard": heard,
+        "heard": received,
     }
     await session.close()
-    return found
+    return results
 
 
 @st.composite
@@ -110,5 +110,5 @@ def test_gathered_chunks_are_recorded_as_single_ones(chunks: list[Chunk], groups
             return messages(recording)
 
     with tempfile.TemporaryDirectory() as folder:
-        found = recorded(groups, folder)
-    assert found == [("rx/1", chunk.arrival_ns + shift_ns, chunk.data) for chunk in chunks]
+        outcome = recorded(groups, folder)
+    assert outcome == [("rx/1", chunk.arrival_ns + shift_ns, chunk.data) for chunk in chunks]

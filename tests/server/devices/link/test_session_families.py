@@ -39,11 +39,11 @@ async def playing(
 ) -> AsyncIterator[FamilyHarness]:
     async with family(reading, link) as stage:
         yield stage
-        told = "".join(
+        report = "".join(
             wire_codec.encode_text(wire.Events(list(stage.telemetry.log)))
             + wire_codec.encode_text(wire.Devices([stage.info]))
         )
-        assert KEY.hex() not in told
+        assert KEY.hex() not in report
 
 
 # -- who it is ---------------------------------------------------------------------------------------------------------
@@ -67,7 +67,7 @@ async def test_an_imx_is_identified_and_its_first_fix_is_one_event() -> None:
             )  # never 1980, nor a spike at the fix
 
 
-async def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None:
+async def test_an_imx_that_streams_already_is_queried_once_for_each_connection() -> None:
     async with playing() as stage:
         device = IsbSimulator()
         device.advance(1_000_000_000)
@@ -185,8 +185,8 @@ class Several:
         self.stop_s = stop_s
 
     def advance(self, now_ns: int) -> bytes:
-        said = [(getattr(one, "device_id", 0), one.advance(now_ns)) for one in self.devices]
-        return b"".join(data for number, data in said if now_ns < self.stop_s.get(number, 1e9) * 1e9)
+        texts = [(getattr(one, "device_id", 0), one.advance(now_ns)) for one in self.devices]
+        return b"".join(data for number, data in texts if now_ns < self.stop_s.get(number, 1e9) * 1e9)
 
 
 async def test_every_sender_is_a_device_of_its_own() -> None:
@@ -351,14 +351,14 @@ async def test_a_key_given_later_keeps_the_device_its_history_and_its_place() ->
         unverified = {channel.info.name: channel for channel in stage.telemetry.store.all}
         before = stage.health.unverified
         assert before
-        kept = len(unverified["Quaternion?"].ring)
+        stored = len(unverified["Quaternion?"].ring)
         await stage.session.read_as(stage.session.decode_options.replaced({"key": KEY.hex()}))
         assert stage.info.id == "1"
         await stage.run(device, 2)
         assert (stage.info.status, stage.info.protection) == ("live", "Secure, verified")
         assert (stage.health.unverified, stage.health.rejects) == (0, 0)
         assert stage.health.verified
-        assert len(unverified["Quaternion?"].ring) == kept
+        assert len(unverified["Quaternion?"].ring) == stored
         assert "Quaternion" in {channel.info.name for channel in stage.telemetry.store.all}
         assert stage.link.opened == 1, "the link stays open"
 

@@ -69,15 +69,15 @@ def test_an_alarm_is_raised_acknowledged_and_cleared_and_each_is_an_event(runnin
     send(running, 10)
     assert until_status(running, alarm, "ok")["unit"] == "N"
     send(running, 150)
-    found = until_status(running, alarm, "raised")
-    assert (found["raised_value"], found["limit"], found["signals"]) == (150, 100, ["Force.x"])
+    results = until_status(running, alarm, "raised")
+    assert (results["raised_value"], results["limit"], results["signals"]) == (150, 100, ["Force.x"])
     answer = running.client.post(f"/api/alarms/{alarm}/acknowledge", json={"by": " Ada  Lovelace "})
     assert answer.json()["states"][0]["acknowledged_by"] == "Ada Lovelace"
     send(running, 80)
     assert until_status(running, alarm, "acknowledged")["raised"]
     send(running, 20)
-    found = until_status(running, alarm, "ok")
-    assert [one["worst"] for one in found["intervals"]] == [150]
+    results = until_status(running, alarm, "ok")
+    assert [one["worst"] for one in results["intervals"]] == [150]
     assert changes(running) == ["added", "data", "raised", "acknowledged", "cleared"]
     raised = events(running)[2]
     assert raised.text == "Alarm “Force”: Force is 150 N, above 100 N."
@@ -102,9 +102,9 @@ def test_an_alarm_survives_a_restart_with_its_state(tmp_path: Path) -> None:
         until_status(running, alarm, "raised")
         running.client.post(f"/api/alarms/{alarm}/acknowledge", json={"by": "Ada"})
     with serving(tmp_path) as running:
-        found = until_status(running, alarm, "missing")
-        assert found["raised"]
-        assert found["acknowledged_by"] == "Ada"
+        result = until_status(running, alarm, "missing")
+        assert result["raised"]
+        assert result["acknowledged_by"] == "Ada"
         assert running.client.get(f"/api/alarms/{alarm}").json()["definition"]["level"] == "error"
         send(running, 120)
         assert until_status(running, alarm, "acknowledged")["raised_value"] == 150
@@ -121,7 +121,7 @@ def test_a_file_that_cannot_be_read_is_set_aside(tmp_path: Path) -> None:
     assert len(json.loads((tmp_path / FILE).read_text())["alarms"]) == 1
 
 
-def test_a_change_begins_anew_and_a_deletion_ends_it(running: InProcessServer) -> None:
+def test_a_change_begins_again_and_a_deletion_ends_it(running: InProcessServer) -> None:
     alarm = added(running)
     send(running, 150)
     until_status(running, alarm, "raised")
@@ -134,8 +134,8 @@ def test_a_change_begins_anew_and_a_deletion_ends_it(running: InProcessServer) -
     assert disabled["states"] == []
     assert running.client.delete(f"/api/alarms/{alarm}").status_code == 204
     assert running.client.get(f"/api/alarms/{alarm}").status_code == 404
-    found = [one for one in changes(running) if one not in ("data", "missing")]
-    assert found == ["added", "raised", "cleared", "changed", "changed", "deleted"]
+    results = [one for one in changes(running) if one not in ("data", "missing")]
+    assert results == ["added", "raised", "cleared", "changed", "changed", "deleted"]
 
 
 def test_an_alarm_is_for_the_devices_that_its_filter_fits(running: InProcessServer) -> None:
@@ -174,10 +174,10 @@ def test_a_check_marks_the_mistake(running: InProcessServer) -> None:
         "notes": [],
         "devices": [running.services.telemetry.bus.devices.latest["1"].name],
     }
-    found = checked("Force > 1 g")
-    assert (found["valid"], found["begin"], found["end"]) == (False, 0, 11)
-    found = checked("Fore > 1 N")
-    assert (found["begin"], found["end"]) == (0, 4)
+    result = checked("Force > 1 g")
+    assert (result["valid"], result["begin"], result["end"]) == (False, 0, 11)
+    result = checked("Fore > 1 N")
+    assert (result["begin"], result["end"]) == (0, 4)
     refused = running.client.post("/api/alarms", json={**FORCE, "condition": {"kind": "expression", "expression": ")"}})
     assert (refused.status_code, refused.json()["kind"]) == (422, "bad-expression")
     assert running.client.get("/api/alarms").json() == []
@@ -221,7 +221,7 @@ def test_silence_and_a_low_rate_are_conditions(running: InProcessServer) -> None
     block_until(is_ok_while_it_sends, lambda: state(running, link))
 
 
-def test_metrics_say_what_is_raised(running: InProcessServer) -> None:
+def test_metrics_state_what_is_raised(running: InProcessServer) -> None:
     alarm = added(running)
     send(running, 150)
     until_status(running, alarm, "raised")
@@ -231,7 +231,7 @@ def test_metrics_say_what_is_raised(running: InProcessServer) -> None:
     assert f'imuscope_alarm_missing{{device="1",alarm="{alarm}"}} 0' in lines
 
 
-def test_a_simulator_crosses_a_limit_while_nobody_looks_and_a_recording_shows_it(server: ServerProcess) -> None:
+def test_a_simulator_crosses_a_limit_while_no_page_is_open_and_a_recording_shows_it(server: ServerProcess) -> None:
     with http_client(base_url=server.url) as client:
         body = {
             "name": "Moves",
@@ -248,13 +248,13 @@ def test_a_simulator_crosses_a_limit_while_nobody_looks_and_a_recording_shows_it
             states = client.get(f"/api/alarms/{made.json()['id']}").json()["states"]
             return [one for one in states if one["status"] == "raised"]
 
-        [found] = block_until(raised, "raised")
-        assert found["raised_value"] > 0.1 * 9.80665
-        assert found["unit"] == "m/s²"
-        assert found["limit"] == pytest.approx(0.980665)
+        [result] = block_until(raised, "raised")
+        assert result["raised_value"] > 0.1 * 9.80665
+        assert result["unit"] == "m/s²"
+        assert result["limit"] == pytest.approx(0.980665)
         assert client.post("/api/recordings/stop", json={}).status_code == 200
         address = f"/api/recordings/{recorded(server.data).stem}"
         detail = block_until(lambda: (body := client.get(address).json()).get("events") and body, "decoded")
         events = [one for one in detail["events"] if one["kind"] == "alarm" and one["data"]["change"] == "raised"]
-        assert [one["data"]["value"] for one in events] == [found["raised_value"]]
+        assert [one["data"]["value"] for one in events] == [result["raised_value"]]
         assert events[0]["text"].startswith("Alarm “Moves”: norm(Acceleration) is ")

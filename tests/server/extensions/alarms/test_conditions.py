@@ -78,7 +78,7 @@ def test_one_column_of_a_vector_is_enough_and_the_worst_value_is_reported() -> N
     assert values.tolist() == [20, 3]
 
 
-def test_what_cannot_be_told_is_unknown() -> None:
+def test_what_cannot_be_determined_is_unknown() -> None:
     one = judge("Acceleration > 1 g")
     _, codes, _ = one.judge({1: rows(range(3), [math.nan, 1, math.nan], [20, 2, 3], [0, 3, 3])})
     assert codes.tolist() == [BEYOND, WITHIN, UNKNOWN]
@@ -154,10 +154,10 @@ def test_a_flag_is_set_or_clear() -> None:
     ],
 )
 def test_a_mistake_has_its_place(text: str, marked: str) -> None:
-    with pytest.raises(ExpressionError) as found:
+    with pytest.raises(ExpressionError) as error:
         judge(text)
-    assert text[found.value.begin : found.value.end] == marked
-    assert found.value.message.endswith(")")
+    assert text[error.value.begin : error.value.end] == marked
+    assert error.value.message.endswith(")")
 
 
 @each_row("clear", ["3.5 g", "2 °/s", "Temperature", "2 g +", "1"])

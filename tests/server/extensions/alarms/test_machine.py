@@ -19,11 +19,11 @@ CODES = st.sampled_from([BEYOND, BETWEEN, WITHIN, UNKNOWN])
 @st.composite
 def sequences(draw: st.DrawFn) -> Samples:
     steps = draw(st.lists(st.tuples(STEPS, CODES), max_size=60))
-    time, found = 1000.0, []
+    time, result = 1000.0, []
     for step, code in steps:
         time += step
-        found.append((time, code))
-    return found
+        result.append((time, code))
+    return result
 
 
 TIMINGS = st.builds(
@@ -38,39 +38,39 @@ TIMINGS = st.builds(
 def oracle(samples: Samples, timing: AlarmTiming) -> list[tuple[str, float]]:
     """Changes by their definition: looks back from each sample over all before it."""
     samples = [(time, code) for time, code in samples if code != UNKNOWN]
-    found: list[tuple[str, float]] = []
+    results: list[tuple[str, float]] = []
     is_on, changed = False, -1  # changed: index of the sample at which it changed
     for i, (time, _) in enumerate(samples):
         if i == 0:
-            found.append(("data", time))
+            results.append(("data", time))
         elif time - samples[i - 1][0] > timing.missing_s:
-            found += [("missing", samples[i - 1][0] + timing.missing_s), ("data", time)]
-        wanted, hold = (WITHIN, timing.clear_s) if is_on else (BEYOND, timing.raise_s)
+            results += [("missing", samples[i - 1][0] + timing.missing_s), ("data", time)]
+        expected, hold = (WITHIN, timing.clear_s) if is_on else (BEYOND, timing.raise_s)
         for j in range(i, changed, -1):
             stretch = samples[j : i + 1]
             gaps = [b[0] - a[0] > timing.missing_s for a, b in itertools.pairwise(stretch)]
-            if any(code != wanted for _, code in stretch) or any(gaps):
+            if any(code != expected for _, code in stretch) or any(gaps):
                 break
             if time - samples[j][0] >= hold:
-                found.append((("returned" if timing.latched else "cleared") if is_on else "raised", time))
+                results.append((("returned" if timing.latched else "cleared") if is_on else "raised", time))
                 is_on, changed = not is_on, i
                 break
-    return found
+    return results
 
 
 @given(sequences(), TIMINGS, st.lists(st.integers(1, 20), min_size=1, max_size=20))
-def test_any_division_into_batches_gives_what_the_oracle_says(
+def test_any_division_into_batches_gives_what_the_oracle_states(
     samples: Samples, timing: AlarmTiming, sizes: list[int]
 ) -> None:
     machine = AlarmMachine(timing)
-    found, at, turn = [], 0, 0
+    results, at, turn = [], 0, 0
     while at < len(samples):
         batch = samples[at : at + sizes[turn % len(sizes)]]
         at, turn = at + len(batch), turn + 1
         time, codes = np.array([one[0] for one in batch]), np.array([one[1] for one in batch], np.int8)
-        found += machine.feed(time, codes, time * 1.0)
-    assert [(one.kind, one.time) for one in found] == oracle(samples, timing)
-    raised = [one for one in found if one.kind == "raised"]
+        results += machine.feed(time, codes, time * 1.0)
+    assert [(one.kind, one.time) for one in results] == oracle(samples, timing)
+    raised = [one for one in results if one.kind == "raised"]
     assert all(one.value == one.time for one in raised)  # the value of the sample that raised it
     assert machine.count == len(raised)
 

@@ -108,7 +108,7 @@ UNJUDGED = [
 
 
 @each_row(("device", "words"), [row[1:] for row in UNJUDGED], ids=[row[0] for row in UNJUDGED])
-def test_a_figure_that_is_not_known_is_not_judged_and_it_is_said_why(device: Device, words: str) -> None:
+def test_a_figure_that_is_not_known_is_not_judged_and_the_reason_is_given(device: Device, words: str) -> None:
     """Regression: a rate alarm was raised in the first second of a device, and a file that had ended was silent."""
     assert device.last[0] == UNKNOWN
     assert words in device.judge.obstacle
@@ -201,7 +201,7 @@ def test_angles_have_the_names_of_the_plots_in_conditions() -> None:
     assert stored.state.status == "raised", "conditions that are stored go on"
 
 
-def test_a_window_that_is_not_full_says_nothing() -> None:
+def test_a_window_that_is_not_full_states_nothing() -> None:
     """Regression: the mean of the first hundredth of a window of 2 s raised an alarm."""
     alarm = Alarm(expression("mean(EulerAngles.yaw, 2 s) < 10 °"))
     alarm.turn(5.0)
@@ -236,7 +236,7 @@ def test_a_figure_that_is_unknown_for_long_is_no_data() -> None:
     assert list(alarm.log)[-1].text == f"Alarm “Test” cannot be evaluated: {BEHIND}"
 
 
-def test_an_alarm_on_samples_says_that_decoding_is_behind() -> None:
+def test_an_alarm_on_samples_states_that_decoding_is_behind() -> None:
     alarm = Alarm(expression("EulerAngles.yaw > 10 °"))
     alarm.turn(5.0)
     alarm.instance.feed_health(alarm.info, Device("rate").set(behind=wire.Behind(decoding=12.0)).health(), alarm.now)

@@ -77,11 +77,11 @@ def judge(text: str, clear: str = "") -> ExpressionJudge:
 def in_pieces(one: ExpressionJudge, rows: dict[int, list[Floats]], cuts: Sequence[float]) -> list[np.ndarray]:
     """Time, codes and values of all samples, in batches of their arrival."""
     ends = [BEGIN + share * (N / RATE + 1) for share in sorted(cuts)]
-    found = []
+    results = []
     for low, high in zip([-np.inf, *ends], [*ends, np.inf], strict=True):
         chosen = {number: (columns[0] > low) & (columns[0] <= high) for number, columns in rows.items()}
-        found.append(one.judge({k: [part[some] for part in rows[k]] for k, some in chosen.items() if some.any()}))
-    return [np.concatenate([piece[k] for piece in found]) for k in range(3)]
+        results.append(one.judge({k: [part[some] for part in rows[k]] for k, some in chosen.items() if some.any()}))
+    return [np.concatenate([piece[k] for piece in results]) for k in range(3)]
 
 
 def truth(text: str, columns: list[Floats]) -> tuple[Floats, Floats]:
@@ -92,11 +92,11 @@ def truth(text: str, columns: list[Floats]) -> tuple[Floats, Floats]:
         names = tuple(one.info.columns[one.at].name for one in own) if len(own) > 1 else ("",)
         return Quantity(tuple(columns[2 + one.at] for one in own), Unit.parse("m/s²"), columns[1], names)
 
-    found = evaluate(parse(text), resolve, Context(zero_phase=False, whole_windows=True))
-    assert found.time is not None
-    parts = np.array(found.parts)
+    result = evaluate(parse(text), resolve, Context(zero_phase=False, whole_windows=True))
+    assert result.time is not None
+    parts = np.array(result.parts)
     known = np.where((parts == 1).any(axis=0), 1.0, parts.sum(axis=0))
-    return found.time, known
+    return result.time, known
 
 
 @each_row("columns", [WHOLE, GAPPY], ids=["even", "gaps"])
@@ -128,7 +128,7 @@ def test_signals_of_two_channels_are_judged_alike_in_pieces(cuts: list[float]) -
     assert {BEYOND, WITHIN} <= {*whole[1].tolist()}
 
 
-def test_the_state_begins_anew_after_a_gap() -> None:
+def test_the_state_begins_again_after_a_gap() -> None:
     """A mean of 0.5 s takes no sample from before a gap, even if that is shorter than the window."""
     time = BEGIN + np.concatenate((np.arange(100), np.arange(130, 200))) / RATE
     high = np.where(np.arange(170) < 100, 20.0, 1.0)
@@ -139,7 +139,7 @@ def test_the_state_begins_anew_after_a_gap() -> None:
     np.testing.assert_allclose(values[known], high[known], atol=1e-9)
 
 
-def test_the_limit_and_what_is_compared_with_it_are_told() -> None:
+def test_the_limit_and_what_is_compared_with_it_are_reported() -> None:
     one = judge("1 g < rms(Acceleration.x, 200 ms)", "0.5 g")
     assert (one.subject, one.unit, one.direction) == ("rms(Acceleration.x, 200 ms)", "m/s²", 1)
     assert one.limit == pytest.approx(9.80665)
@@ -169,8 +169,8 @@ class AlarmBench(LiveSignal):
         for _ in range(RATES_EVERY + 1):
             self.alarms.turn()
         [stored] = self.alarms.alarms
-        [found] = self.alarms.states(stored.id)
-        return found
+        [result] = self.alarms.states(stored.id)
+        return result
 
     def add(self, expression: str) -> None:
         condition = ExpressionCondition(expression=expression)
@@ -187,8 +187,8 @@ def test_an_alarm_waits_for_the_rate_and_is_judged_from_then_on(tmp_path: Path) 
     bench.send(10, 1.0)
     assert bench.state().status == "ok"
     bench.send(100, 20.0)
-    found = bench.state()
-    assert (found.status, found.signals) == ("raised", ["Acceleration.x"])
+    result = bench.state()
+    assert (result.status, result.signals) == ("raised", ["Acceleration.x"])
 
 
 def test_a_new_alarm_knows_the_past_but_is_not_raised_by_it(tmp_path: Path) -> None:
@@ -198,12 +198,12 @@ def test_a_new_alarm_knows_the_past_but_is_not_raised_by_it(tmp_path: Path) -> N
     bench.add("mean(Acceleration.x, 10 s) > 1 g")
     assert bench.state().status == "missing"
     bench.send(10, 0.0)
-    found = bench.state()
-    assert found.status == "raised"
-    assert found.raised_value == pytest.approx(20 * 999 / 1000)
+    result = bench.state()
+    assert result.status == "raised"
+    assert result.raised_value == pytest.approx(20 * 999 / 1000)
 
 
-def test_windows_begin_anew_when_the_rate_changes(tmp_path: Path) -> None:
+def test_windows_begin_again_when_the_rate_changes(tmp_path: Path) -> None:
     bench = AlarmBench(tmp_path)
     bench.send(100, 1.0)
     bench.add("mean(Acceleration.x, 100 ms) > 1 g")
@@ -213,5 +213,5 @@ def test_windows_begin_anew_when_the_rate_changes(tmp_path: Path) -> None:
     bench.send(39, 20.0, rate=400.0)
     bench.state()
     bench.send(1, 1.0, rate=400.0)
-    found = bench.state()
-    assert found.value == pytest.approx((39 * 20 + 1) / 40)  # 40 samples are 100 ms now
+    result = bench.state()
+    assert result.value == pytest.approx((39 * 20 + 1) / 40)  # 40 samples are 100 ms now

@@ -59,12 +59,12 @@ def shocks(n: int = 6000) -> np.ndarray:
 
 def test_a_recording_is_judged_as_its_samples_would_have_been_live(tmp_path: Path) -> None:
     store = stored(tmp_path / "store", shocks(), np.zeros(1500))
-    found = recorded_preview(definition("Force > 100 N"), store, INFOS)
-    assert (found.times, found.worst, found.unit) == (3, 180.0, "N")
-    assert [one.worst for one in found.intervals] == [180.0, 150.0, 120.0]
-    assert found.t0 == pytest.approx(BEGIN)
-    assert found.t1 == pytest.approx(BEGIN + 59.99)
-    assert found.seconds == pytest.approx(0.01 + 0.2 + 0.49, abs=1e-6)
+    results = recorded_preview(definition("Force > 100 N"), store, INFOS)
+    assert (results.times, results.worst, results.unit) == (3, 180.0, "N")
+    assert [one.worst for one in results.intervals] == [180.0, 150.0, 120.0]
+    assert results.t0 == pytest.approx(BEGIN)
+    assert results.t1 == pytest.approx(BEGIN + 59.99)
+    assert results.seconds == pytest.approx(0.01 + 0.2 + 0.49, abs=1e-6)
     assert recorded_preview(definition("Force > 100 N", raise_s=0.1), store, INFOS).times == 2
     assert recorded_preview(definition("Force > 100 N", latched=True), store, INFOS).times == 3
     assert recorded_preview(definition("Force > 200 N"), store, INFOS).worst is None
@@ -78,22 +78,22 @@ def test_slices_give_what_everything_at_once_gives(
     store = stored(tmp_path / "store", shocks(), speed)
     whole = recorded_preview(definition(expression), store, INFOS)
     monkeypatch.setattr(preview, "SLICE_ROWS", 333)
-    found = recorded_preview(definition(expression), store, INFOS)
-    assert (found.times, found.t0, found.t1, found.seconds) == (whole.times, whole.t0, whole.t1, whole.seconds)
-    assert found.worst is None or found.worst == pytest.approx(whole.worst)
-    assert [(one.t0, one.t1) for one in found.intervals] == [(one.t0, one.t1) for one in whole.intervals]
+    results = recorded_preview(definition(expression), store, INFOS)
+    assert (results.times, results.t0, results.t1, results.seconds) == (whole.times, whole.t0, whole.t1, whole.seconds)
+    assert results.worst is None or results.worst == pytest.approx(whole.worst)
+    assert [(one.t0, one.t1) for one in results.intervals] == [(one.t0, one.t1) for one in whole.intervals]
     assert whole.times > 0
 
 
 def test_without_samples_nothing_is_known(tmp_path: Path) -> None:
     store = stored(tmp_path / "store", np.empty(0), np.empty(0))
-    found = recorded_preview(definition("Force > 1 N"), store, INFOS)
-    assert (found.times, found.t0, found.t1) == (0, None, None)
+    result = recorded_preview(definition("Force > 1 N"), store, INFOS)
+    assert (result.times, result.t0, result.t1) == (0, None, None)
     judge = judge_of(definition("Force > 1 N"), INFOS, {})
     assert preview_of(definition("Force > 1 N"), judge, []).times == 0
 
 
-def test_a_mistake_is_told_as_when_it_is_saved(tmp_path: Path) -> None:
+def test_a_mistake_is_reported_as_when_it_is_saved(tmp_path: Path) -> None:
     store = stored(tmp_path / "store", shocks(), np.zeros(1500))
     with pytest.raises(DomainError, match="cannot be compared"):
         recorded_preview(definition("Force > 1 m"), store, INFOS)
@@ -123,9 +123,9 @@ def test_over_http_a_viewer_may_check_and_preview_but_not_add(running: InProcess
     whole = client.post("/api/alarms/preview", json={"definition": SHOCK, "source": "7"}, headers=viewer).json()
     assert (whole["times"], whole["worst"], whole["unit"]) == (3, 180.0, "N")
     late = {"definition": SHOCK, "source": "7", "seconds": 5}
-    found = client.post("/api/alarms/preview", json=late, headers=viewer).json()
-    assert found["times"] == 1
-    assert math.isclose(found["t1"] - found["t0"], 5, abs_tol=0.02)
+    answer = client.post("/api/alarms/preview", json=late, headers=viewer).json()
+    assert answer["times"] == 1
+    assert math.isclose(answer["t1"] - answer["t0"], 5, abs_tol=0.02)
     assert client.post("/api/alarms/check", json=SHOCK, headers=viewer).json()["valid"]
     assert_problem(client.post("/api/alarms", json=SHOCK, headers=viewer), 403, "view-only")
     health = {"name": "Loss", "condition": {"kind": "health", "figure": "loss", "limit": 1}}

@@ -63,21 +63,21 @@ def test_it_is_in_the_bucket_of_its_time_at_every_zoom(
 ) -> None:
     when = hour()[0][places()[which]]
     t0 = when - share * span
-    found = store.query(1, t0, t0 + span, width)
-    if isinstance(found, ExactRows):
-        assert found.columns[0].max() >= 100 + which
+    result = store.query(1, t0, t0 + span, width)
+    if isinstance(result, ExactRows):
+        assert result.columns[0].max() >= 100 + which
         return
     pixel = span / width
-    near = np.abs(np.clip(when, found.t, np.append(found.t[1:], t0 + span)) - when) <= pixel
-    assert found.high[0][near].max() >= 100 + which
+    near = np.abs(np.clip(when, result.t, np.append(result.t[1:], t0 + span)) - when) <= pixel
+    assert result.high[0][near].max() >= 100 + which
 
 
 def test_each_is_an_alarm_in_the_recording(store: ColumnStore) -> None:
-    found = recorded_preview(AlarmDefinition(name="Shock", condition=CONDITION), store, [INFO])
-    assert found.times == SHOWN
-    assert found.worst == 100 + SHOWN - 1
-    expected = hour()[0][places()[: len(found.intervals)]]
-    np.testing.assert_allclose([one.t0 for one in found.intervals], expected, atol=1e-6)
+    results = recorded_preview(AlarmDefinition(name="Shock", condition=CONDITION), store, [INFO])
+    assert results.times == SHOWN
+    assert results.worst == 100 + SHOWN - 1
+    expected = hour()[0][places()[: len(results.intervals)]]
+    np.testing.assert_allclose([one.t0 for one in results.intervals], expected, atol=1e-6)
 
 
 @settings(max_examples=10, deadline=None)
@@ -85,9 +85,9 @@ def test_each_is_an_alarm_in_the_recording(store: ColumnStore) -> None:
 def test_each_is_an_alarm_live_in_whatever_batches_it_comes(sizes: list[int]) -> None:
     times, values = (all_of[:20_000] for all_of in hour())
     judge, machine = ExpressionJudge(CONDITION, [INFO], 3.0), AlarmMachine(AlarmTiming())
-    at, turn, raised, wanted = 0, 0, [], [*sizes, 3000]
+    at, turn, raised, target = 0, 0, [], [*sizes, 3000]
     while at < len(values):
-        rows = slice(at, at + wanted[turn % len(wanted)])
+        rows = slice(at, at + target[turn % len(target)])
         judged = judge.judge({1: [times[rows], times[rows], values[rows]]})
         raised += [one.time for one in machine.feed(*judged) if one.kind == "raised"]
         at, turn = rows.stop, turn + 1

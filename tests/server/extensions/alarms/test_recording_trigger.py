@@ -56,24 +56,24 @@ def recorder(running: InProcessServer) -> dict[str, Any]:
 
 
 def until_recording(running: InProcessServer, *, is_running: bool = True) -> dict[str, Any]:
-    block_until(lambda: recorder(running)["running"] is is_running, lambda: (recorder(running), told(running)))
+    block_until(lambda: recorder(running)["running"] is is_running, lambda: (recorder(running), notices_of(running)))
     return recorder(running)
 
 
-def told(running: InProcessServer) -> list[str]:
+def notices_of(running: InProcessServer) -> list[str]:
     """Texts of the events of actions."""
-    found = running.call(lambda: list(running.services.telemetry.log))
-    return [one.text for one in found if one.kind == "alarm" and one.data["change"] == "action"]
+    results = running.call(lambda: list(running.services.telemetry.log))
+    return [one.text for one in results if one.kind == "alarm" and one.data["change"] == "action"]
 
 
-def until_told(running: InProcessServer, *parts: str) -> None:
+def until_reported(running: InProcessServer, *parts: str) -> None:
     """Wait until there is one event for each part, in their order."""
 
-    def is_told() -> bool:
-        texts = told(running)
+    def is_reported() -> bool:
+        texts = notices_of(running)
         return len(texts) == len(parts) and all(part in text for part, text in zip(parts, texts, strict=True))
 
-    block_until(is_told, lambda: told(running))
+    block_until(is_reported, lambda: notices_of(running))
 
 
 def topics(path: Path, topic: str) -> list[dict[str, Any]]:
@@ -95,7 +95,7 @@ def test_it_begins_before_the_crossing_and_ends_after_it_has_cleared(
     settled(running)
     send(running, links, "/dev/one", LOW)
     until_recording(running, is_running=False)
-    until_told(running, f"started the recording {state['id']}.", f"ended the recording {state['id']}.")
+    until_reported(running, f"started the recording {state['id']}.", f"ended the recording {state['id']}.")
     path = file_of(tmp_path, state)
     assert chunks(path, "rx/1") == LOW + HIGH + LOW
     assert chunks(path, "rx/2") == b""
@@ -112,7 +112,7 @@ def test_it_records_every_device_and_goes_on_while_it_holds_and_for_some_time_af
     assert state["devices"] == ["1", "2"]
     send(running, links, "/dev/one", LOW)
     until_recording(running, is_running=False)
-    until_told(running, "started the recording", "it has lasted 1 s, the longest that is set.")
+    until_reported(running, "started the recording", "it has lasted 1 s, the longest that is set.")
     assert chunks(file_of(tmp_path, state), "rx/2") == LOW
 
 
@@ -123,9 +123,9 @@ def test_a_recording_of_a_person_has_a_marker_and_goes_on(
     own = running.client.post("/api/recordings/start", json={"devices": ["2"]}).json()
     for _ in range(2):  # the second marker within ten seconds is left out
         send(running, links, "/dev/one", HIGH)
-        block_until(lambda: told(running), "told")
+        block_until(lambda: notices_of(running), "told")
         send(running, links, "/dev/one", LOW)
-    until_told(running, "started no recording: one is running, which has a marker now, but not this device.")
+    until_reported(running, "started no recording: one is running, which has a marker now, but not this device.")
     assert recorder(running)["id"] == own["id"]
     running.client.post("/api/recordings/stop", json={})
     assert [one["text"] for one in topics(recorded(tmp_path), "notes")] == ["Alarm “Force”"]
@@ -137,12 +137,12 @@ def test_one_alarm_prolongs_the_recording_of_another(running: InProcessServer, l
     send(running, links, "/dev/one", HIGH)
     state = until_recording(running)
     send(running, links, "/dev/two", HIGH)
-    until_told(running, "“Force” started the recording", "“Other” started no recording: one is running")
+    until_reported(running, "“Force” started the recording", "“Other” started no recording: one is running")
     send(running, links, "/dev/one", LOW)
     assert recorder(running)["id"] == state["id"]
     send(running, links, "/dev/two", LOW)
     until_recording(running, is_running=False)
-    until_told(running, "“Force” started", "“Other” started no", "“Force” ended the recording")
+    until_reported(running, "“Force” started", "“Other” started no", "“Force” ended the recording")
 
 
 def test_what_a_person_stops_is_over_and_recordings_of_an_hour_are_bounded(
@@ -159,7 +159,7 @@ def test_what_a_person_stops_is_over_and_recordings_of_an_hour_are_bounded(
     for expected in (2, 3):
         send(running, links, "/dev/one", LOW + HIGH)
         block_until(lambda: count() == expected, count)  # noqa: B023
-    until_told(running, "started the recording", "it has started 1 within an hour, which is its limit.")
+    until_reported(running, "started the recording", "it has started 1 within an hour, which is its limit.")
     assert recorder(running)["running"] is False
 
 
@@ -180,7 +180,7 @@ def test_an_alarm_that_was_raised_before_a_restart_starts_nothing(tmp_path: Path
         block_until(lambda: status() == "raised", status)
         send(running, links, "/dev/one", LOW)
         block_until(lambda: status() == "ok", status)
-        assert told(running) == []
+        assert notices_of(running) == []
         assert recorder(running)["running"] is False
 
 
@@ -194,13 +194,13 @@ def test_what_is_out_of_bounds_is_refused(running: InProcessServer, wrong: dict[
 
 def arrivals(path: Path) -> list[int]:
     """Time of each chunk of the first device, ns."""
-    found: list[int] = []
+    results: list[int] = []
     with McapReader(path) as recording:
         for block in recording.blocks():
             channel = recording.topic("rx/1")
             if channel is not None:
-                found += block.of(channel.id)[TIME].tolist()
-    return found
+                results += block.of(channel.id)[TIME].tolist()
+    return results
 
 
 def test_the_recording_of_a_simulator_has_the_bytes_before_the_crossing(server: ServerProcess) -> None:

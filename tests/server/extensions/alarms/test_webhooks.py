@@ -36,33 +36,33 @@ from tests.support.timeouts import PATIENCE_S
 from tests.support.waiting import block_until, until
 
 QUICK = WebhookTiming(attempt_s=PATIENCE_S, first_pause_s=0.001, longest_pause_s=0.002, attempts=3)
-Told = list[tuple[str, str]]
+Notices = list[tuple[str, str]]
 HERE = ("127.0.0.1",)
 __all__ = ["receiver"]  # a fixture
 
 
-async def test_a_failing_receiver_is_asked_again_and_a_refusal_is_final(receiver: Receiver) -> None:
-    hooks, told = Webhooks(QUICK, HERE), Told()
+async def test_a_failing_receiver_is_tried_again_and_a_refusal_is_final(receiver: Receiver) -> None:
+    hooks, report = Webhooks(QUICK, HERE), Notices()
     receiver.answers = [500, 429, 204, 404, 503, 503, 503]
     for number in range(4):
-        hooks.send("a", receiver.url, {"number": number}, lambda level, text: told.append((level, text)))
-    await until(lambda: len(told) == 2, "told")
+        hooks.send("a", receiver.url, {"number": number}, lambda level, text: report.append((level, text)))
+    await until(lambda: len(report) == 2, "told")
     assert [body["number"] for body in receiver.bodies] == [0, 0, 0, 1, 2, 2, 2, 3]
     host = receiver.url.partition("/hook")[0]
-    assert told == [
+    assert report == [
         ("warning", f"was not delivered to {host}/…: it answered 404 (one attempt). Later ones are tried."),
         ("info", f"is delivered to {host}/… again."),
     ]
     await hooks.close()
 
 
-async def test_a_receiver_that_is_gone_is_told_once_in_words() -> None:
-    hooks, told = Webhooks(QUICK, HERE), Told()
+async def test_a_receiver_that_is_gone_is_reported_once_in_words() -> None:
+    hooks, report = Webhooks(QUICK, HERE), Notices()
     url = f"http://ada:secret@127.0.0.1:{free_port()}/hook"
     for number in range(2):
-        hooks.send("a", url, {"number": number}, lambda level, text: told.append((level, text)))
-    await until(lambda: told, "told")
-    [(level, text)] = told
+        hooks.send("a", url, {"number": number}, lambda level, text: report.append((level, text)))
+    await until(lambda: report, "told")
+    [(level, text)] = report
     assert level == "warning"
     assert text.endswith("/…: no connection (Connection refused) (3 attempts). Later ones are tried.")
     assert "secret" not in text
@@ -70,14 +70,14 @@ async def test_a_receiver_that_is_gone_is_told_once_in_words() -> None:
 
 
 async def test_a_slow_receiver_delays_no_other_alarm_and_its_queue_is_bounded(receiver: Receiver) -> None:
-    hooks, told = Webhooks(QUICK, HERE), Told()
+    hooks, report = Webhooks(QUICK, HERE), Notices()
     other = Receiver()
     receiver.is_open.clear()
-    hooks.send("slow", receiver.url, {"number": 0}, lambda level, text: told.append((level, text)))
+    hooks.send("slow", receiver.url, {"number": 0}, lambda level, text: report.append((level, text)))
     await until(lambda: receiver.bodies, "it waits for its answer")
     for number in range(1, MAX_QUEUE + 20):
-        hooks.send("slow", receiver.url, {"number": number}, lambda level, text: told.append((level, text)))
-    hooks.send("well", other.url, {"number": 0}, lambda level, text: told.append((level, text)))
+        hooks.send("slow", receiver.url, {"number": number}, lambda level, text: report.append((level, text)))
+    hooks.send("well", other.url, {"number": 0}, lambda level, text: report.append((level, text)))
     await until(lambda: other.bodies, "the other one is delivered")
     receiver.is_open.set()
     await until(lambda: len(receiver.bodies) >= MAX_QUEUE, "delivered after it")
@@ -85,17 +85,17 @@ async def test_a_slow_receiver_delays_no_other_alarm_and_its_queue_is_bounded(re
     numbers = [body["number"] for body in receiver.bodies]
     assert numbers == list(range(len(numbers)))
     assert len(numbers) <= MAX_QUEUE + 1
-    assert told == []
+    assert report == []
     await hooks.close()
     await asyncio.to_thread(other.end)
 
 
 async def test_an_attempt_ends_when_no_answer_comes(receiver: Receiver) -> None:
-    hooks, told = Webhooks(WebhookTiming(attempt_s=0.2, first_pause_s=0.001, attempts=2), HERE), Told()
+    hooks, report = Webhooks(WebhookTiming(attempt_s=0.2, first_pause_s=0.001, attempts=2), HERE), Notices()
     receiver.is_open.clear()
-    hooks.send("a", receiver.url, {}, lambda level, text: told.append((level, text)))
-    await until(lambda: told, "told")
-    assert "no answer within 0.2 s (2 attempts)" in told[0][1]
+    hooks.send("a", receiver.url, {}, lambda level, text: report.append((level, text)))
+    await until(lambda: report, "told")
+    assert "no answer within 0.2 s (2 attempts)" in report[0][1]
     await hooks.close()
 
 
@@ -208,10 +208,10 @@ def test_a_name_is_judged_by_the_address_that_is_connected_to(monkeypatch: pytes
     name = "hook.example"
     with receiving() as receiver:
         port = receiver.server_address[1]
-        real, asked = socket.getaddrinfo, []
+        real, request = socket.getaddrinfo, []
 
         def rebinding(host: str, *more: Any, **words: Any) -> Any:
-            asked.append(host)
+            request.append(host)
             return real("127.0.0.1" if host == "hook.example" else host, *more, **words)
 
         monkeypatch.setattr(socket, "getaddrinfo", rebinding)
@@ -219,7 +219,7 @@ def test_a_name_is_judged_by_the_address_that_is_connected_to(monkeypatch: pytes
         with pytest.raises(UndeliveredError, match=f"{name} is this machine: add it to webhook_hosts") as undelivered:
             asyncio.run(post(f"http://{name}:{port}/", {}, PATIENCE_S))
         assert undelivered.value.is_final
-        assert asked == [name]
+        assert request == [name]
         assert receiver.bodies == []
 
 

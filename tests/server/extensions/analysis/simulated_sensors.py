@@ -100,8 +100,8 @@ def _channel(number: int, name: str) -> ChannelInfo:
     }[name]
     rows = [ColumnInfo(name=one, dtype="f4", unit=unit, bits=bits) for one in columns]
     title = {"RateOfTurn": "Rate of turn"}.get(name, name)
-    found: dict[str, Any] = {"id": number, "device": "1", "name": name, "title": title, "kind": kind, "unit": unit}
-    return ChannelInfo(**found, message="MTData2", frame="", columns=rows)
+    results: dict[str, Any] = {"id": number, "device": "1", "name": name, "title": title, "kind": kind, "unit": unit}
+    return ChannelInfo(**results, message="MTData2", frame="", columns=rows)
 
 
 def at_rest(
@@ -118,12 +118,12 @@ def at_rest(
     n = round(seconds * rate)
 
     def noise() -> Floats:
-        found: Floats = draw.normal(0, walk * math.sqrt(rate), (n, 3))
+        results: Floats = draw.normal(0, walk * math.sqrt(rate), (n, 3))
         if rate_walk:
-            found += np.cumsum(draw.normal(0, rate_walk / math.sqrt(rate), (n, 3)), axis=0)
+            results += np.cumsum(draw.normal(0, rate_walk / math.sqrt(rate), (n, 3)), axis=0)
         if flicker:
-            found += np.stack([flicker_noise(n, flicker, draw) for _ in range(3)], axis=1)
-        return found
+            results += np.stack([flicker_noise(n, flicker, draw) for _ in range(3)], axis=1)
+        return results
 
     time = START + np.arange(n) / rate
     attitude = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
@@ -139,8 +139,8 @@ def flicker_noise(n: int, size: float, draw: np.random.Generator) -> Floats:
     frequency = np.arange(bins) / n
     frequency[0] = np.inf
     root = np.sqrt(size**2 / (math.pi * frequency) * n / 4)
-    found: Floats = np.fft.irfft(root * (draw.normal(size=bins) + 1j * draw.normal(size=bins)), n)
-    return found
+    rows: Floats = np.fft.irfft(root * (draw.normal(size=bins) + 1j * draw.normal(size=bins)), n)
+    return rows
 
 
 def judged(sensor: SimulatedSensor, name: str = "RateOfTurn.x", **options: Any) -> dict[str, Any]:
@@ -321,19 +321,19 @@ def random_sensor(seed: int) -> RandomSensor:
 
 def falsehoods(of: RandomSensor, figures: Mapping[str, Any]) -> list[str]:
     """Statements of the figures that are not so."""
-    truth, found = of.sensor, []
+    truth, result = of.sensor, []
     for verdict in figures["verdicts"]:
         is_walk = verdict["parameter"] == "random_walk"
         value = truth.walk if is_walk else truth.lowest()
         limit = N_SHEET * math.sqrt(2) if is_walk else B_SHEET
         wrong = {"met": value > limit, "above": value < limit, "open": False}[verdict["state"]]
         if wrong or (of.broken and verdict["state"] != "open"):
-            found.append(f"{verdict['words']} (it is {value / (N_SHEET if is_walk else B_SHEET):.3g} times)")
+            result.append(f"{verdict['words']} (it is {value / (N_SHEET if is_walk else B_SHEET):.3g} times)")
     if (parameters := figures.get("parameters")) is not None:
         walk = parameters["random_walk"]
         low, high = (walk["value"] + 2 * (walk[end] - walk["value"]) for end in ("low", "high"))
         if walk["value"] and not 0.8 * low <= truth.walk <= 1.25 * high:
-            found.append(f"N of {walk['low']:.3g} to {walk['high']:.3g} in place of {truth.walk:.3g}")
+            result.append(f"N of {walk['low']:.3g} to {walk['high']:.3g} in place of {truth.walk:.3g}")
         if of.broken:
-            found.append("parameters of a sensor that is not at rest")
-    return found
+            result.append("parameters of a sensor that is not at rest")
+    return result

@@ -54,40 +54,40 @@ def figures(values: Any, time: Any = None, period: float = 0.0, gap: float = 1.5
 def test_statistics_agree_with_the_standard_library(rows: list[tuple[float, float]]) -> None:
     values, steps = [value for value, _ in rows], [step for _, step in rows]
     of = signal(values, [math.fsum(steps[:n]) for n in range(len(steps))])
-    found: Any = run(of, {"gap": 1.5})
+    result: Any = run(of, {"gap": 1.5})
     time = (of.time - of.time[0]).tolist()  # unix seconds have steps of 0.2 µs
     scale = max(abs(value) for value in values) + 1e-9
 
     def close(value: float, by: float = 1.0) -> Any:
         return pytest.approx(value, rel=1e-6, abs=1e-6 * scale * by)
 
-    assert found["n"] == len(values)
-    assert found["mean"] == close(plain.fmean(values))
-    assert found["sigma"] == close(plain.stdev(values))
-    assert found["rms"] == close(math.sqrt(plain.fmean(value * value for value in values)))
-    assert (found["min"], found["max"]) == (min(values), max(values))
-    assert found["peak_to_peak"] == close(max(values) - min(values))
-    assert found["slope"] == close(plain.linear_regression(time, values).slope, by=1 / min(steps))
+    assert result["n"] == len(values)
+    assert result["mean"] == close(plain.fmean(values))
+    assert result["sigma"] == close(plain.stdev(values))
+    assert result["rms"] == close(math.sqrt(plain.fmean(value * value for value in values)))
+    assert (result["min"], result["max"]) == (min(values), max(values))
+    assert result["peak_to_peak"] == close(max(values) - min(values))
+    assert result["slope"] == close(plain.linear_regression(time, values).slope, by=1 / min(steps))
     areas = [(a + b) / 2 * (u - t) for a, b, t, u in zip(values, values[1:], time, time[1:], strict=False)]
-    assert found["integral"] == close(math.fsum(areas), by=time[-1])
-    assert found["duration"] == pytest.approx(time[-1], abs=1e-6)
+    assert result["integral"] == close(math.fsum(areas), by=time[-1])
+    assert result["duration"] == pytest.approx(time[-1], abs=1e-6)
 
 
 def test_an_angle_that_wraps_has_a_circular_mean_and_an_unwrapped_slope() -> None:
     turned = (np.arange(200) * 0.5 + 150.0 + 180.0) % 360.0 - 180.0  # 50 °/s from 150° on, across ±180°
-    found = figures(turned, period=360.0)
-    assert found["mean"] == pytest.approx(-160.25, abs=0.01)
-    assert found["slope"] == pytest.approx(50.0)
-    assert found["peak_to_peak"] == pytest.approx(99.5)
-    assert math.isnan(found["integral"])
-    assert math.isnan(found["rms"])
-    assert (found["min"], found["max"]) == (150.0, -110.5), "the ends of the arc, as far apart as peak to peak"
+    result = figures(turned, period=360.0)
+    assert result["mean"] == pytest.approx(-160.25, abs=0.01)
+    assert result["slope"] == pytest.approx(50.0)
+    assert result["peak_to_peak"] == pytest.approx(99.5)
+    assert math.isnan(result["integral"])
+    assert math.isnan(result["rms"])
+    assert (result["min"], result["max"]) == (150.0, -110.5), "the ends of the arc, as far apart as peak to peak"
     round_and_round = figures((np.arange(800) * 0.5 + 180.0) % 360.0 - 180.0, period=360.0)
     assert math.isnan(round_and_round["min"])
     assert math.isnan(round_and_round["max"])
 
 
-def test_gaps_are_steps_longer_than_the_option_says() -> None:
+def test_gaps_are_steps_longer_than_the_option_states() -> None:
     time = np.delete(np.arange(100) * 0.01, [20, 50, 51, 52])
     assert figures(np.zeros(96), time)["gaps"] == 2
     assert figures(np.zeros(96), time, gap=3.0)["gaps"] == 1
@@ -95,9 +95,9 @@ def test_gaps_are_steps_longer_than_the_option_says() -> None:
 
 
 def test_one_sample_has_no_slope_and_no_rate() -> None:
-    found, units = figures_of(analysis_named("statistics"), signal([4.0]), {"gap": 1.5})
-    assert (found["n"], found["mean"], found["sigma"]) == (1, 4.0, 0.0)
-    assert (found["slope"], found["rate"], found["duration"]) == (None, None, 0.0)
+    result, units = figures_of(analysis_named("statistics"), signal([4.0]), {"gap": 1.5})
+    assert (result["n"], result["mean"], result["sigma"]) == (1, 4.0, 0.0)
+    assert (result["slope"], result["rate"], result["duration"]) == (None, None, 0.0)
     assert units == {
         **dict.fromkeys(("mean", "sigma", "rms", "min", "max", "peak_to_peak"), "m/s²"),
         **{"slope": "m/s³", "integral": "m/s", "duration": "s", "rate": "Hz"},
@@ -138,7 +138,7 @@ CHANNELS = [
 
 
 @each_row(
-    ("word", "found"),
+    ("word", "result"),
     [
         ("INS.x", ["5.x"]),
         ("INS", ["5.x", "5.y", "5.z"]),
@@ -148,9 +148,9 @@ CHANNELS = [
         ("3/GNSS", ["4.x"]),
     ],
 )
-def test_signals_are_named_by_channel_and_column(word: str, found: list[str]) -> None:
+def test_signals_are_named_by_channel_and_column(word: str, result: list[str]) -> None:
     columns = columns_named(CHANNELS, [word])
-    assert [f"{one.info.id}.{one.info.columns[one.at].name}" for one in columns] == found
+    assert [f"{one.info.id}.{one.info.columns[one.at].name}" for one in columns] == result
 
 
 @each_row(
@@ -162,7 +162,7 @@ def test_signals_are_named_by_channel_and_column(word: str, found: list[str]) ->
         ("9/GNSS.x", "not-found", "GNSS, INS"),
     ],
 )
-def test_a_wrong_name_says_what_there_is(word: str, kind: str, hint: str) -> None:
+def test_a_wrong_name_states_what_there_is(word: str, kind: str, hint: str) -> None:
     with pytest.raises(DomainError) as raised:
         columns_named(CHANNELS, [word])
     assert raised.value.kind == kind
@@ -183,14 +183,14 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServe
         yield running
 
 
-def ask(running: InProcessServer, name: str = "statistics", **body: Any) -> Any:
+def send_request(running: InProcessServer, name: str = "statistics", **body: Any) -> Any:
     return running.client.post(f"{URL}/{name}", json=body)
 
 
 def test_a_recording_and_a_live_device_have_the_same_figures(running: InProcessServer) -> None:
     y = next(name for name in running.signals_of("line") if "y" in name)
-    [recorded] = ask(running, source="line", signals=[y]).json()
-    [live] = ask(running, source="7", signals=["Line.y"]).json()
+    [recorded] = send_request(running, source="line", signals=[y]).json()
+    [live] = send_request(running, source="7", signals=["Line.y"]).json()
     for name, value in recorded["figures"].items():
         assert live["figures"][name] == pytest.approx(value, rel=1e-4), name
     assert recorded["figures"]["n"] == 490
@@ -202,22 +202,24 @@ def test_a_recording_and_a_live_device_have_the_same_figures(running: InProcessS
 
 def test_a_range_and_several_signals(running: InProcessServer) -> None:
     names = running.signals_of("line")
-    told = ask(running, source="line", signals=names, t0=START + 1.5, t1=START + 2.5).json()
-    assert [one["signal"] for one in told] == names
-    assert {one["figures"]["n"] for one in told} == {101}
+    answer = send_request(running, source="line", signals=names, t0=START + 1.5, t1=START + 2.5).json()
+    assert [one["signal"] for one in answer] == names
+    assert {one["figures"]["n"] for one in answer} == {101}
     table = pa.ipc.open_stream(
-        io.BytesIO(ask(running, source="line", signals=names, t0=START + 1.5, t1=START + 2.5, format="arrow").content)
+        io.BytesIO(
+            send_request(running, source="line", signals=names, t0=START + 1.5, t1=START + 2.5, format="arrow").content
+        )
     ).read_all()
     assert table.column("signal").to_pylist() == names
-    for name, value in told[0]["figures"].items():
+    for name, value in answer[0]["figures"].items():
         assert table.column(name)[0].as_py() == pytest.approx(value)
     assert table.schema.field("duration").metadata == {b"unit": b"s"}
 
 
 def test_the_analyses_are_listed_with_their_options(running: InProcessServer) -> None:
-    [found] = [one for one in running.client.get(URL).json() if one["name"] == "statistics"]
-    assert found["options"][0]["name"] == "gap"
-    assert found["options"][0]["default"] == 1.5
+    [result] = [one for one in running.client.get(URL).json() if one["name"] == "statistics"]
+    assert result["options"][0]["name"] == "gap"
+    assert result["options"][0]["default"] == 1.5
 
 
 @each_row(
@@ -235,21 +237,21 @@ def test_the_analyses_are_listed_with_their_options(running: InProcessServer) ->
     ],
 )
 def test_a_wrong_request_is_refused(running: InProcessServer, body: dict[str, Any], status: int, kind: str) -> None:
-    assert_problem(ask(running, **body), status, kind)
+    assert_problem(send_request(running, **body), status, kind)
 
 
 def test_an_unknown_analysis_is_refused_with_those_there_are(running: InProcessServer) -> None:
-    told = assert_problem(ask(running, "spectres", source="7", signals=["Line.y"]), 404, "not-found")
-    assert "statistics" in told["hint"]
+    report = assert_problem(send_request(running, "spectres", source="7", signals=["Line.y"]), 404, "not-found")
+    assert "statistics" in report["hint"]
 
 
 def test_a_viewer_may_analyse(running: InProcessServer, tmp_path: Path) -> None:
     config = Config(data=tmp_path, sources=("/dev/one",), view_token="v" * 20, control_token="c" * 20)
     with InProcessServer(config, FakeLink) as guarded:
-        told = guarded.client.post(
+        report = guarded.client.post(
             f"{URL}/statistics", json={"source": "x", "signals": ["x"]}, headers={"authorization": f"Bearer {'v' * 20}"}
         )
-        assert_problem(told, 404, "not-found")
+        assert_problem(report, 404, "not-found")
 
 
 def test_an_analysis_ends_when_its_client_leaves(running: InProcessServer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -278,9 +280,9 @@ def test_samples_that_are_not_finite_are_counted() -> None:
         finite_signal(name, "m", 0.0, time, part) for name, part in (("some", values), ("none", values * np.nan))
     )
     analysis = next(one for one in analyses() if one.name == "statistics")
-    found, _ = figures_of(analysis, some, {"gap": 1.5})
-    assert found["n"] == 750
-    assert found["notes"][0] == "250 of 1 000 samples of some are not finite numbers; they are left out."
+    result, _ = figures_of(analysis, some, {"gap": 1.5})
+    assert result["n"] == 750
+    assert result["notes"][0] == "250 of 1 000 samples of some are not finite numbers; they are left out."
     with pytest.raises(
         DomainError, match="none has 1 000 samples in that range, and each is infinite or not a number"
     ) as error:

@@ -86,8 +86,8 @@ def latest(device: Rows) -> Any:
 
 def until(device: Rows, condition: Any) -> Any:
     def state() -> Any:
-        found = latest(device)
-        return found if found["report"] and condition(found) else None
+        result = latest(device)
+        return result if result["report"] and condition(result) else None
 
     return block_until(state, "the report")
 
@@ -100,12 +100,12 @@ def test_a_magnetometer_is_calibrated_live_and_exported(device: Rows) -> None:
     assert began.json()["is_running"] is True
     assert began.json()["report"]["samples"] == 0  # those before the start do not count
     device.feed("MagneticField", "µT", FIELD[:500])
-    seen = until(device, lambda found: found["report"]["samples"] == 500)
-    assert seen["report"]["refusal"]["message"].startswith("Only ")
-    assert seen["report"]["advice"]
+    observed = until(device, lambda result: result["report"]["samples"] == 500)
+    assert observed["report"]["refusal"]["message"].startswith("Only ")
+    assert observed["report"]["advice"]
     assert_problem(client.post(url(device, "/finish"), json={}), 422, "no-result")
     device.feed("MagneticField", "µT", FIELD[500:])
-    done = until(device, lambda found: not found["is_running"])
+    done = until(device, lambda result: not result["is_running"])
     report = done["report"]
     assert (report["progress"], report["samples"], report["sensor"]) == (1, len(FIELD), "MagneticField")
     assert report["correction"]["bias"] == pytest.approx(48 * 0.3 * HARD_IRON, abs=1e-3)
@@ -137,7 +137,7 @@ def test_a_gyroscope_is_calibrated_by_the_rest_of_both_sensors(device: Rows) -> 
     begin = device.bus.now()
     device.feed("RateOfTurn", "°/s", noise + np.array([0.5, 0, -0.2]), begin=begin)
     device.feed("Acceleration", "m/s²", noise + np.array([0, 0, 9.8]), begin=begin)
-    report = until(device, lambda found: found["report"]["samples"] == 1600)["report"]
+    report = until(device, lambda result: result["report"]["samples"] == 1600)["report"]
     assert report["correction"]["bias"] == pytest.approx([0.5, 0, -0.2], abs=0.01)
     assert report["rest"]["seconds"] > 30
     assert report["progress"] == 1
@@ -149,7 +149,7 @@ def test_a_calibration_is_finished_with_the_samples_until_now(device: Rows) -> N
     client = device.running.client
     client.post(url(device), json={"kind": "gyroscope"})
     device.feed("RateOfTurn", "°/s", noise + np.array([0.5, 0, -0.2]), begin=device.bus.now())
-    until(device, lambda found: found["report"]["samples"] == 800)
+    until(device, lambda result: result["report"]["samples"] == 800)
     ended = client.post(url(device, "/finish"), json={})
     assert ended.status_code == 200, ended.text
     assert (ended.json()["is_running"], latest(device)["is_running"]) == (False, False)
@@ -169,7 +169,7 @@ def test_a_running_calibration_is_replaced_and_discarded(device: Rows) -> None:
     assert_problem(client.get(url(device, "/export")), 404, "not-found")
 
 
-def test_what_cannot_be_calibrated_says_why(device: Rows) -> None:
+def test_what_cannot_be_calibrated_gives_the_reason(device: Rows) -> None:
     client = device.running.client
     assert_problem(client.get("/api/devices/99/calibration"), 404, "not-found")
     assert_problem(client.post(url(device), json={"kind": "soul"}), 422, "bad-request")
@@ -240,7 +240,7 @@ def test_memory_of_a_calibration_is_bounded() -> None:
 
 
 @each_row(
-    ("names", "found"),
+    ("names", "result"),
     [
         (
             ["RateOfTurn", "Acceleration", "FreeAcceleration", "MagneticField"],
@@ -253,15 +253,15 @@ def test_memory_of_a_calibration_is_bounded() -> None:
         (["Velocity", "MagneticFieldStd"], [None, None, None]),
     ],
 )
-def test_sensors_are_recognised_by_name_and_unit(names: list[str], found: list[str | None]) -> None:
+def test_sensors_are_recognised_by_name_and_unit(names: list[str], result: list[str | None]) -> None:
     units = {"acc": "m/s²", "rate": "°/s", "pqr": "°/s", "vel": "m/s", "mag": "", "freeacc": "m/s²"}
 
     def unit(name: str) -> str:
         return next(unit for key, unit in units.items() if key in name.lower())
 
     inputs = CalibrationInputs.of([vector("1", name, unit(name)) for name in names])
-    wanted = ("accelerometer", "gyroscope", "magnetometer")
-    assert [inputs.triads[one].name if one in inputs.triads else None for one in wanted] == found
+    expected = ("accelerometer", "gyroscope", "magnetometer")
+    assert [inputs.triads[one].name if one in inputs.triads else None for one in expected] == result
 
 
 def test_a_mounting_rotation_is_written_once_the_settings_were_read(tmp_path: Path) -> None:
@@ -292,7 +292,7 @@ def test_a_mounting_rotation_is_written_once_the_settings_were_read(tmp_path: Pa
         noise = np.random.default_rng(1).normal(0, 1e-3, (len(motion.rate), 3))  # without any a sensor counts as stuck
         device.feed("RateOfTurn", "°/s", np.degrees(motion.rate) + noise, 100.0, begin)
         device.feed("Acceleration", "m/s²", motion.force + noise, 100.0, begin)
-        write = until(device, lambda found: not found["is_running"])["write"]
+        write = until(device, lambda result: not result["is_running"])["write"]
         assert (write["setting"], write["values"]) == ("AlignmentRotation.RotSensor", None)
         assert "not been read" in write["problem"]
         carried_out("read", {})

@@ -39,8 +39,8 @@ def sampled(values: Any, rate: float = RATE) -> Samples:
 
 
 def on_a_sphere(n: int, random: np.random.Generator) -> Floats:
-    found: Floats = random.normal(size=(n, 3))
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
+    result: Floats = random.normal(size=(n, 3))
+    return result / np.linalg.norm(result, axis=1, keepdims=True)
 
 
 # ── directions ───────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -99,8 +99,8 @@ def test_the_fit_is_the_one_of_a_general_optimiser() -> None:
     away = on_a_sphere(400, random)
     away = away[np.abs(away[:, 2]) < 0.8]
     measured = away * [40.0, 50.0, 60.0] + [10.0, -20.0, 5.0] + random.normal(scale=2.0, size=away.shape)
-    found = fit_ellipsoid(sampled(measured))
-    assert found is not None
+    result = fit_ellipsoid(sampled(measured))
+    assert result is not None
 
     def residuals(p: Floats) -> Floats:
         shape = np.array([[p[3], p[4], p[5]], [p[4], p[6], p[7]], [p[5], p[7], p[8]]]) / 50
@@ -108,22 +108,22 @@ def test_the_fit_is_the_one_of_a_general_optimiser() -> None:
         return norm
 
     slow = optimize.least_squares(residuals, [0, 0, 0, 1, 0, 0, 1, 0, 1], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
-    assert found.centre == pytest.approx(slow[:3], abs=1e-4)
-    shape = [found.shape[i, j] * 50 for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
+    assert result.centre == pytest.approx(slow[:3], abs=1e-4)
+    shape = [result.shape[i, j] * 50 for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
     assert shape == pytest.approx(slow[3:], abs=1e-5)
 
 
 def test_the_scatter_of_fits_is_the_uncertainty_that_they_state() -> None:
-    found = []
+    results = []
     stated = []
     for seed in range(60):
         random = np.random.default_rng(seed)
         values = FIELD * on_a_sphere(400, random) + random.normal(scale=1.0, size=(400, 3))
         fit = fit_ellipsoid(sampled(values))
         assert fit is not None
-        found.append(np.concatenate((fit.centre, fit.shape[np.triu_indices(3)])))
+        results.append(np.concatenate((fit.centre, fit.shape[np.triu_indices(3)])))
         stated.append(np.sqrt(np.diagonal(fit.covariance)))
-    ratio = np.std(found, axis=0) / np.mean(stated, axis=0)
+    ratio = np.std(results, axis=0) / np.mean(stated, axis=0)
     assert ratio.max() < 1.3
     assert ratio.min() > 0.4
 
@@ -222,7 +222,7 @@ def test_the_bias_is_found_within_its_uncertainty(
         ([], "The temperature is unknown. The bias changes with it: repeat this when the sensor is warmer."),
     ],
 )
-def test_the_temperature_of_a_bias_is_told(degrees: list[float], words: str) -> None:
+def test_the_temperature_of_a_bias_is_reported(degrees: list[float], words: str) -> None:
     turn = sampled(np.random.default_rng(8).normal(scale=0.05, size=(6000, 3)))
     inside = np.linspace(turn.time[1000], turn.time[-1000], len(degrees))
     warmth = np.column_stack([degrees] * 3) if degrees else np.empty((0, 3))
@@ -270,11 +270,11 @@ def test_a_steady_turn_is_refused() -> None:
     tilt = np.radians(3.0 * t)
     force = 9.8 * np.stack([np.sin(tilt), 0 * t, np.cos(tilt)], axis=1)
     assert gyroscope_bias(sampled(slow)).correction is not None
-    seen = gyroscope_bias(sampled(slow), sampled(force))
-    assert seen.refusal is not None
+    observed = gyroscope_bias(sampled(slow), sampled(force))
+    assert observed.refusal is not None
 
 
-def test_a_warming_sensor_is_told_so() -> None:
+def test_a_warming_sensor_is_reported() -> None:
     turn = sampled(np.random.default_rng(1).normal(scale=0.02, size=(3000, 3)))
     warm = sampled(np.tile(np.linspace(20, 24, 3000)[:, None], (1, 3)))
     report = gyroscope_bias(turn, NO_SAMPLES, warm)
@@ -295,17 +295,17 @@ def test_slow_noise_makes_the_uncertainty_larger() -> None:
 def test_rest_is_found_to_a_second() -> None:
     turn = np.zeros((4000, 3))
     turn[1000:3000] = 30.0 * np.sin(np.arange(2000) / 20)[:, None]
-    found = stillness(step_means(sampled(turn)), None)
-    assert [run.begin - START for run in found.runs] == pytest.approx([0, 30], abs=1.2)
-    assert [run.end - START for run in found.runs] == pytest.approx([10, 40], abs=1.2)
-    assert found.longest == max(found.runs, key=lambda run: run.seconds)
+    results = stillness(step_means(sampled(turn)), None)
+    assert [run.begin - START for run in results.runs] == pytest.approx([0, 30], abs=1.2)
+    assert [run.end - START for run in results.runs] == pytest.approx([10, 40], abs=1.2)
+    assert results.longest == max(results.runs, key=lambda run: run.seconds)
 
 
 # ── simulated motions ────────────────────────────────────────────────────────────────────────────────────────────────
 
 
 @each_row("name", sorted(set(MOTIONS) - {"drive"}))
-def test_a_motion_turns_as_its_gyroscope_says(name: str) -> None:
+def test_a_motion_turns_as_its_gyroscope_measures(name: str) -> None:
     t = np.arange(0, 20, 0.001)
     truth = MOTIONS[name](t)
     q = truth.q_enu_from_body_wxyz

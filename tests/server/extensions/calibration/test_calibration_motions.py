@@ -110,7 +110,7 @@ def test_another_unit_is_refused() -> None:
     assert "scale" in report.refusal.message
 
 
-def test_unknown_gravity_is_told() -> None:
+def test_unknown_gravity_is_reported() -> None:
     force, turn = sampled(SensorSetup(motion="positions"), 60, 0.001)
     assert any("Gravity was taken" in note for note in six_positions(force, turn).notes)
     assert not any("Gravity was taken" in note for note in six_positions(force, turn, G).notes)
@@ -195,12 +195,12 @@ def resting(seed: int = 3) -> dict[str, Samples]:
 
 def triads_of(samples: Mapping[str, Samples]) -> dict[str, Triad]:
     columns = [ColumnInfo(name=axis, dtype="f4") for axis in "xyz"]
-    found = {}
+    results = {}
     for name in samples:
         fields: dict[str, Any] = {"id": 1, "device": "1", "name": name, "title": name, "kind": "vector", "unit": ""}
         info = ChannelInfo(**fields, message="M", frame="", columns=columns)
-        found[name] = Triad(info, (0, 1, 2), name, 1.0, "°/s" if name == "gyroscope" else "m/s²")
-    return found
+        results[name] = Triad(info, (0, 1, 2), name, 1.0, "°/s" if name == "gyroscope" else "m/s²")
+    return results
 
 
 def calibrated(kind: CalibrationKind, samples: Mapping[str, Samples]) -> CalibrationReport:

@@ -30,12 +30,12 @@ def clocks(capsys: pytest.CaptureFixture[str], path: Path, *more: str) -> dict[s
 def test_drift_and_jitter_are_against_the_axis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     times = [f"{1_500_000_000 + n / 100:.2f}" for n in range(ROWS)]
     device = [str(round(n * 10_000 * 1.0002 + 300 * (n % 3 - 1))) for n in range(ROWS)]  # 200 ppm fast
-    found = clocks(capsys, table(tmp_path / "a.csv", "time (s),TimeUS,gx", times, device, ["1"] * ROWS))
-    assert found["time"]["is_axis"]
-    assert found["time"]["drift_ppm"] is None
-    assert found["TimeUS"]["unit"] == "µs"
-    assert found["TimeUS"]["drift_ppm"] == pytest.approx(200, abs=5)
-    assert found["TimeUS"]["jitter_s"] == pytest.approx(300e-6 * (2 / 3) ** 0.5, rel=0.05)
+    path = clocks(capsys, table(tmp_path / "a.csv", "time (s),TimeUS,gx", times, device, ["1"] * ROWS))
+    assert path["time"]["is_axis"]
+    assert path["time"]["drift_ppm"] is None
+    assert path["TimeUS"]["unit"] == "µs"
+    assert path["TimeUS"]["drift_ppm"] == pytest.approx(200, abs=5)
+    assert path["TimeUS"]["jitter_s"] == pytest.approx(300e-6 * (2 / 3) ** 0.5, rel=0.05)
 
 
 @each_row(
@@ -63,24 +63,24 @@ def test_steps_are_listed_with_their_size(
 def test_repeats_and_bursts_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     times = [f"{1_500_000_000 + n / 100:.2f}" for n in range(ROWS)]
     bursts = [f"{1_500_000_000 + n // 4 * 4 / 100:.2f}" for n in range(ROWS)]
-    found = clocks(capsys, table(tmp_path / "a.csv", "time (s),host_time (s),gx", times, bursts, ["1"] * ROWS))
-    assert found["host_time"]["repeats"] == 300
-    assert found["host_time"]["bursts"] == pytest.approx(0.75, abs=0.01)
-    assert found["host_time"]["burst_samples"] == 4
-    assert found["host_time"]["rate_hz"] == pytest.approx(100)
+    path = clocks(capsys, table(tmp_path / "a.csv", "time (s),host_time (s),gx", times, bursts, ["1"] * ROWS))
+    assert path["host_time"]["repeats"] == 300
+    assert path["host_time"]["bursts"] == pytest.approx(0.75, abs=0.01)
+    assert path["host_time"]["burst_samples"] == 4
+    assert path["host_time"]["rate_hz"] == pytest.approx(100)
 
 
 def test_the_difference_is_drawn_in_few_points(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     times = [f"{1_500_000_000 + n / 100:.2f}" for n in range(ROWS)]
     device = [str(round(n * 10_000 * 1.001) + (10**9 if n >= 300 else 0)) for n in range(ROWS)]
-    found = clocks(capsys, table(tmp_path / "a.csv", "time (s),TimeUS,gx", times, device, ["1"] * ROWS))
-    course = found["TimeUS"]["difference"]
+    path = clocks(capsys, table(tmp_path / "a.csv", "time (s),TimeUS,gx", times, device, ["1"] * ROWS))
+    course = path["TimeUS"]["difference"]
     assert isinstance(course, dict)
     assert len(course["times"]) == len(course["low"]) == len(course["high"]) == 200
     assert course["edges"] == pytest.approx([1_500_000_003])
     assert max(course["high"]) == pytest.approx(2.99e-3, abs=1e-5)  # from zero again after the step
-    assert found["TimeUS"]["drift_ppm"] == pytest.approx(1000, abs=1)
-    assert found["time"]["difference"] is None
+    assert path["TimeUS"]["drift_ppm"] == pytest.approx(1000, abs=1)
+    assert path["time"]["difference"] is None
 
 
 def test_a_stall_that_is_caught_up_is_no_step_of_the_difference(
@@ -88,8 +88,8 @@ def test_a_stall_that_is_caught_up_is_no_step_of_the_difference(
 ) -> None:
     times = [f"{1_500_000_000 + n / 100:.2f}" for n in range(ROWS)]
     late = [f"{1_500_000_000 + max(n, 230 if 200 <= n < 230 else 0) / 100:.2f}" for n in range(ROWS)]
-    found = clocks(capsys, table(tmp_path / "a.csv", "time (s),host_time (s),gx", times, late, ["1"] * ROWS))
-    host = found["host_time"]
+    path = clocks(capsys, table(tmp_path / "a.csv", "time (s),host_time (s),gx", times, late, ["1"] * ROWS))
+    host = path["host_time"]
     assert host["steps"]
     assert host["difference"]["edges"] == []  # type: ignore[index]
     assert abs(host["drift_ppm"]) < 4 * host["drift_error_ppm"]  # type: ignore[arg-type, operator]
@@ -98,15 +98,15 @@ def test_a_stall_that_is_caught_up_is_no_step_of_the_difference(
 def test_a_counter_has_no_drift_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drive(tmp_path / "drive.mcap", seconds=2.0)
     assert main(["time", str(tmp_path / "drive.mcap"), "--json"]) == 0
-    found = [one for message in json.loads(capsys.readouterr().out)["messages"] for one in message["clocks"]]
-    [counter] = [one for one in found if one["name"] == "PacketCounter"]
+    printed = [one for message in json.loads(capsys.readouterr().out)["messages"] for one in message["clocks"]]
+    [counter] = [one for one in printed if one["name"] == "PacketCounter"]
     assert counter["unit"] == "counts of 0.01 s"
     assert counter["drift_ppm"] is None
-    [sampled] = [one for one in found if one["name"] == "SampleTimeFine"]
+    [sampled] = [one for one in printed if one["name"] == "SampleTimeFine"]
     assert sampled["unit"] == "100 µs"
 
 
-def test_what_is_not_certain_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_not_certain_is_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = table(tmp_path / "a.csv", "time,gx", [str(n) for n in range(ROWS)], ["1"] * ROWS)
     assert main(["time", str(path)]) == 1
     error = capsys.readouterr().err
@@ -132,9 +132,9 @@ def test_a_live_source_is_received_for_some_seconds(tmp_path: Path, capsys: pyte
     data = ["--data", str(tmp_path)]
     assert main(["time", "sim:xbus?rate=400&burst_ms=16&packet=0", "--seconds", "1", "--json", *data]) == 0
     [message] = json.loads(capsys.readouterr().out)["messages"]
-    found = {one["name"]: one for one in message["clocks"]}
-    assert found["time"]["is_axis"]
-    assert found["arrival"]["bursts"] > 0.5
+    results = {one["name"]: one for one in message["clocks"]}
+    assert results["time"]["is_axis"]
+    assert results["arrival"]["bursts"] > 0.5
     for words, problem in ((["none:here"], "none:here"), (["sim:xbus", "--seconds", "0"], "--seconds 0")):
         assert main(["time", *words, *data]) == 1
         assert problem in capsys.readouterr().err
@@ -148,7 +148,7 @@ def test_a_source_that_sends_nothing_is_not_waited_for_without_end(
     assert "No data was received. " in capsys.readouterr().err
 
 
-def test_a_file_without_numbers_is_an_error_that_says_what_it_holds(
+def test_a_file_without_numbers_is_an_error_that_states_what_it_holds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nothing was printed, and the exit code was 0."""

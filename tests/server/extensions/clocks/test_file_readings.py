@@ -47,7 +47,7 @@ def lasts(running: InProcessServer, recording: str) -> float:
     return float(detail.json()["t1"] - detail.json()["t0"])
 
 
-def test_an_open_table_is_asked_about_once_for_its_heading(running: InProcessServer) -> None:
+def test_an_open_table_is_queried_once_for_its_heading(running: InProcessServer) -> None:
     client = running.client
     first = upload(running, "first.csv", OPEN)
     waiting = upload(running, "waiting.csv", OPEN)
@@ -58,11 +58,16 @@ def test_an_open_table_is_asked_about_once_for_its_heading(running: InProcessSer
     assert (preview["about"], preview["clock"], preview["times"][0]) == ("unit", "time", None)
     rates = {one["unit"]: one["rate"] for one in preview["units"] if one["is_plausible"]}
     assert rates == {"s": pytest.approx(1), "ms": pytest.approx(1000)}
-    seen = client.post(f"{URL}/{first}/reading/preview", json={"unit": "ms"}).json()
-    assert (seen["about"], seen["rate"], seen["unit"], seen["separator"]) == ("", pytest.approx(1000), "ms", ",")
-    assert seen["times"][2] - seen["times"][1] == pytest.approx(0.001, abs=1e-6)
-    assert seen["rows"][1] == ["1", 1.5, 0.0, 1.0, 1.0]
-    assert [(one["group"], one["axis"], one["unit"], one["role"]) for one in seen["columns"]] == [
+    answer = client.post(f"{URL}/{first}/reading/preview", json={"unit": "ms"}).json()
+    assert (answer["about"], answer["rate"], answer["unit"], answer["separator"]) == (
+        "",
+        pytest.approx(1000),
+        "ms",
+        ",",
+    )
+    assert answer["times"][2] - answer["times"][1] == pytest.approx(0.001, abs=1e-6)
+    assert answer["rows"][1] == ["1", 1.5, 0.0, 1.0, 1.0]
+    assert [(one["group"], one["axis"], one["unit"], one["role"]) for one in answer["columns"]] == [
         ("", "", "", "time"),
         ("gyr", "x", "rad/s", "value"),
         ("gyr", "y", "", "value"),
@@ -100,7 +105,7 @@ def test_choices_are_changed_and_undone(running: InProcessServer) -> None:
     assert lasts(running, upload(running, "next.csv", TWO)) == pytest.approx((ROWS - 1) / 100)
 
 
-def test_a_table_without_times_is_taken_and_asked_about(running: InProcessServer) -> None:
+def test_a_table_without_times_is_taken_and_queried(running: InProcessServer) -> None:
     rows = "".join(f"{(n * 7) % 11} {(n * 5) % 13}\n" for n in range(ROWS))
     name = upload(running, "plain.txt", rows)
     assert running.client.get(f"{URL}/{name}/reading").json()["about"] == "time"

@@ -99,7 +99,7 @@ def test_times_that_are_coarser_than_the_samples_name_the_way_out(tmp_path: Path
     )
 
 
-def test_dates_of_too_few_digits_are_asked_for(tmp_path: Path) -> None:
+def test_dates_of_too_few_digits_are_requested(tmp_path: Path) -> None:
     """Dates in steps of 128 s, as a float32 has them, were milliseconds since a start."""
     with pytest.raises(RecordingError, match=r"can be s .* or ms"):
         read(tmp_path / "a.csv", table("timestamp", "1500000000 + n // 150 * 128"))

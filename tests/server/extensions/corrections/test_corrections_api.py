@@ -33,11 +33,11 @@ def client(serve: Callable[..., ServerProcess]) -> Iterator[Client]:
 
 
 def until(client: Client, path: str, true: Any, seconds: float = PATIENCE_S) -> dict[str, Any]:
-    def found() -> dict[str, Any] | None:
+    def result() -> dict[str, Any] | None:
         body: dict[str, Any] = client.get(path).json()
         return body if true(body) else None
 
-    body: dict[str, Any] = block_until(found, lambda: client.get(path).text, seconds=seconds)
+    body: dict[str, Any] = block_until(result, lambda: client.get(path).text, seconds=seconds)
     return body
 
 
@@ -98,13 +98,13 @@ def test_forwarded_corrections_are_logged_and_recorded(client: Client, base: int
     assert first["direction"] == "tx"
     assert STREAM.startswith(bytes.fromhex(first["hex"]))
     client.post("/api/recordings/stop", json={}).raise_for_status()
-    found: Any = until(client, "/api/recordings", lambda found: bool(found) and not found[0]["recording"])
-    detail = until(client, f"/api/recordings/{found[0]['id']}", lambda body: "events" in body)
-    told = [event["text"] for event in detail["events"] if event["text"].startswith("Corrections ")]
-    assert [text.partition(" from ")[0] for text in told] == ["Corrections", "Corrections"]
-    assert told[0].endswith("are forwarded.")
-    assert "Forwarded: 4 messages" in told[1]
-    assert "1077 × 1" in told[1]
+    results: Any = until(client, "/api/recordings", lambda results: bool(results) and not results[0]["recording"])
+    detail = until(client, f"/api/recordings/{results[0]['id']}", lambda body: "events" in body)
+    messages = [event["text"] for event in detail["events"] if event["text"].startswith("Corrections ")]
+    assert [text.partition(" from ")[0] for text in messages] == ["Corrections", "Corrections"]
+    assert messages[0].endswith("are forwarded.")
+    assert "Forwarded: 4 messages" in messages[1]
+    assert "1077 × 1" in messages[1]
     path = next(Path(str(client.headers["x-data"])).glob("recordings/*.mcap"))
     sent = b"".join(part.data for part in McapSource(path).parts() if part.direction == "tx")
     assert STREAM in sent

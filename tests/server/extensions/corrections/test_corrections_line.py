@@ -21,10 +21,10 @@ async def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path
             assert (await here.read(desk)).state == "done"
         sent: list[bytes] = []
         first.member.listeners.sent.add(lambda data, time: sent.append(data))
-        heard: list[tuple[DeviceController, str]] = []
+        received: list[tuple[DeviceController, str]] = []
         for desk in (first, further):
             desk.member.listen(
-                lambda event, desk=desk: isinstance(event, Reply) and heard.append((desk, event.message.name))
+                lambda event, desk=desk: isinstance(event, Reply) and received.append((desk, event.message.name))
             )
         corrections = CorrectionManager(here.sessions)
         assert corrections.accepts(further.member)
@@ -32,10 +32,10 @@ async def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path
         base = await asyncio.start_server(_corrections, "127.0.0.1", 0)
         source = f"tcp://127.0.0.1:{base.sockets[0].getsockname()[1]}"
         await corrections.begin(further.member, source, further.log.streamed)
-        await until(lambda: len(heard) == len(sent) == len(NUMBERS), "each is acknowledged")
+        await until(lambda: len(received) == len(sent) == len(NUMBERS), "each is acknowledged")
         assert corrections.state(further.member).refused == 0
         assert {(data[1], data[2]) for data in sent} == {(int(further.context.device), 0xE2)}
-        assert set(heard) == {(further, "ForwardGnssDataAck")}
+        assert set(received) == {(further, "ForwardGnssDataAck")}
         assert any("Corrections from" in entry.text for entry in further.log.tail())
         assert not any("Corrections from" in entry.text for entry in first.log.tail())
         await corrections.close()

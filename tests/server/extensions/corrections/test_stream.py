@@ -60,9 +60,9 @@ class Receiver:
         self.got += data
         if self._simulator is not None:
             self._now += 10_000_000
-            self.tell(self._simulator.receive(data, self._now))
+            self.forward(self._simulator.receive(data, self._now))
 
-    def tell(self, data: bytes) -> None:
+    def forward(self, data: bytes) -> None:
         """Bytes from the device."""
         self._decoder.feed(data, self._now)
         for event in self._decoder.drain():
@@ -224,7 +224,7 @@ async def test_an_invalid_chunk_is_reported() -> None:
     assert state.message == "The caster's response is not HTTP."
 
 
-async def test_a_caster_that_only_knows_version_1_is_asked_again() -> None:
+async def test_a_caster_that_only_knows_version_1_is_tried_again() -> None:
     async def old(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if b"HTTP/1.0" in head:
             writer.write(b"ICY 200 OK\r\n" + STREAM)
@@ -270,7 +270,7 @@ async def test_a_caster_receives_the_position() -> None:
 
     async with caster(listens) as (port, requests):
         stream = CorrectionForwarder(receiver, f"ntrip://127.0.0.1:{port}/VRS", first_retry_s=0.05)
-        receiver.tell(simulator.advance(6 * S))  # after its first fix
+        receiver.forward(simulator.advance(6 * S))  # after its first fix
         await until(lambda: bool(got) and got[-1].startswith(b"$GPGGA"), "a sentence upstream")
         await stream.close()
     words = got[-1].decode().split(",")
@@ -279,7 +279,7 @@ async def test_a_caster_receives_the_position() -> None:
     assert any(b"Ntrip-GGA: $GPGGA" in request for request in requests)
 
 
-async def test_a_stream_that_nobody_watches_keeps_the_last_seconds_only(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_stream_that_no_one_watches_keeps_the_last_seconds_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each message of weeks was remembered until a page asked for the state: 100 MB a day."""
     clock = ManualClock(0.0)
     monkeypatch.setattr(correction_stream, "time", SimpleNamespace(monotonic=clock))
@@ -292,9 +292,9 @@ async def test_a_stream_that_nobody_watches_keeps_the_last_seconds_only(monkeypa
     await stream.close()
 
 
-def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> None:
-    told: list[tuple[bytes, str, str]] = []
-    diary = CorrectionLog("tcp://base:1", lambda frame, text, level: told.append((frame, text, level)))
+def test_the_log_states_where_it_begins_breaks_and_ends_and_not_each_message() -> None:
+    messages: list[tuple[bytes, str, str]] = []
+    diary = CorrectionLog("tcp://base:1", lambda frame, text, level: messages.append((frame, text, level)))
     diary.stopped("base does not answer.")
     diary.stopped("base does not answer.")  # retried: the same reason is reported once
     for n in range(50):
@@ -304,13 +304,13 @@ def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> 
     diary.stopped("The stream broke.")
     diary.forwarded("1005", b"again", 25)
     diary.log_end()
-    assert [(frame, level) for frame, _, level in told] == [
+    assert [(frame, level) for frame, _, level in messages] == [
         *((b"", "warning"), (b"frame 0", "info"), (b"", "warning"), (b"", "warning"), (b"again", "info"), (b"", "info"))
     ]
-    assert told[3][1] == (
+    assert messages[3][1] == (
         "Corrections stopped: The stream broke. Forwarded so far: 50 messages, 15 kB (1077 × 50), 2 refused."
     )
-    assert told[5][1].endswith("Forwarded: 51 messages, 15 kB (1005 × 1, 1077 × 50), 2 refused.")
+    assert messages[5][1].endswith("Forwarded: 51 messages, 15 kB (1005 × 1, 1077 × 50), 2 refused.")
 
 
 def test_a_gga_sentence_with_the_position() -> None:
@@ -390,8 +390,8 @@ async def test_a_stream_ends_although_a_message_arrives_at_that_moment(monkeypat
 def test_messages_are_whole_however_the_stream_is_cut() -> None:
     for step in (1, 7, 100, 5000):
         splitter = RtcmFramer()
-        found = [one for at in range(0, len(STREAM), step) for one in splitter.feed(STREAM[at : at + step])]
-        assert b"".join(bytes.fromhex(one.line) for one in found) == STREAM
+        results = [one for at in range(0, len(STREAM), step) for one in splitter.feed(STREAM[at : at + step])]
+        assert b"".join(bytes.fromhex(one.line) for one in results) == STREAM
         assert splitter.rejected == 0
     assert epoch_ms(1077, message(1077, 123_456)) == 123_456
     assert epoch_ms(1005, message(1005)) is None

@@ -76,7 +76,7 @@ def drive(folder: Path, n: int = 2000, rate: float = 100.0, **manifest: Any) -> 
         {"seq": 2, "time": START + 1, "device": "1", "kind": "device", "level": "info", "samples": 0}
         | {"text": f"Fix at {LATITUDE:.5f}, {LONGITUDE:.5f}.", "t0": None, "t1": None},
     ]
-    told = {
+    details = {
         "channels": CHANNELS,
         "devices": [DEVICE],
         "started": START,
@@ -88,7 +88,7 @@ def drive(folder: Path, n: int = 2000, rate: float = 100.0, **manifest: Any) -> 
         "figures": {"1": {"bytes": 12345, "lost": 20, "gaps": 1, "rejects": 3, "messages": {"MTData2": n}}},
         "snapshots": {"1": SNAPSHOT},
     }
-    return writer.finish({**told, **manifest})
+    return writer.finish({**details, **manifest})
 
 
 def made(store: ColumnStore, out: Path, about: About | None = None, **request: Any) -> str:
@@ -99,16 +99,16 @@ def made(store: ColumnStore, out: Path, about: About | None = None, **request: A
 
 def content_in(text: str) -> dict[str, Any]:
     """The JSON in a file."""
-    found = re.search(r'<script type="application/json" id="content">(.*?)</script>', text, re.DOTALL)
-    assert found is not None
-    return dict(json.loads(found[1]))
+    match = re.search(r'<script type="application/json" id="content">(.*?)</script>', text, re.DOTALL)
+    assert match is not None
+    return dict(json.loads(match[1]))
 
 
 def block_in(text: str, block: dict[str, Any]) -> NDArray[Any]:
     """A binary block of a file."""
-    found = re.search(rf'<script type="text/plain" id="block-{block["block"]}">(.*?)</script>', text)
-    assert found is not None
-    return np.frombuffer(base64.b64decode(found[1]), f"<{block['type']}")
+    match = re.search(rf'<script type="text/plain" id="block-{block["block"]}">(.*?)</script>', text)
+    assert match is not None
+    return np.frombuffer(base64.b64decode(match[1]), f"<{block['type']}")
 
 
 def series_in(text: str, plot: str, label: str) -> dict[str, Any]:

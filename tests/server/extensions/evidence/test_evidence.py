@@ -135,8 +135,8 @@ def test_position_is_left_out_of_everything(tmp_path: Path) -> None:
     about = About(f"Yard {LATITUDE:.2f}", notes, [f"{LONGITUDE:.4f}"], [marker], f"run_{LATITUDE:.4f}.mcap", "mcap")
     named = [EvidencePlot(f"At {LATITUDE:.5f}", "°", [EvidenceSeries("LatLon.lat")])]
     ecef = [EvidencePlot("E", "m", [EvidenceSeries('norm("PositionEcef")')])]
-    kept = [EvidencePlot("a", "m/s²", [EvidenceSeries("Acceleration.x", label=f"{LATITUDE:.4f}")])]
-    for plots in (None, [*named, *ecef, *kept]):
+    entries = [EvidencePlot("a", "m/s²", [EvidenceSeries("Acceleration.x", label=f"{LATITUDE:.4f}")])]
+    for plots in (None, [*named, *ecef, *entries]):
         text = made(store, tmp_path / "out.html", about, plots=plots, with_position=False)
         plain = html.unescape(text)
         for digits in ("52.22", "6.895", "6.89", "52°", "6°53", "3886", "4699", "5018", "31.5", "geo:5"):
@@ -236,5 +236,5 @@ def test_gaps_are_judged_by_the_usual_step() -> None:
 
 def test_intervals_fill_the_room() -> None:
     assert intervals_for([(1000, 12)], 16_000) == 0
-    found = intervals_for([(1_000_000, 12), (500, 4)], 1_000_000)
-    assert found * (4 + 24) + 500 * 8 <= 1_000_000 < (found + 1) * (4 + 24) + 500 * 8
+    result = intervals_for([(1_000_000, 12), (500, 4)], 1_000_000)
+    assert result * (4 + 24) + 500 * 8 <= 1_000_000 < (result + 1) * (4 + 24) + 500 * 8

@@ -50,10 +50,10 @@ class FleetRobot:
         self.opened.set()
 
     def _answer(self, query: zenoh.Query) -> None:
-        asked = query.selector.parameters
+        request = query.selector.parameters
         with query:
             data = self.journal.answer(
-                str(asked.get("boot")), int(asked.get("after") or 0), earlier=bool(asked.get("earlier"))
+                str(request.get("boot")), int(request.get("after") or 0), earlier=bool(request.get("earlier"))
             )
             query.reply(keys.journal_key(self.name), data)
 

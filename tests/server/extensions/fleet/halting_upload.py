@@ -48,9 +48,9 @@ def main() -> int:
     place, *words = sys.argv[1:]
     create, append = delta_tables._create, delta_tables._append
 
-    def halting_create(*given: Any) -> Any:
-        made = create(*given)
-        if place == "table" or (place == given[1].name == SETTINGS.name):
+    def halting_create(*source: Any) -> Any:
+        made = create(*source)
+        if place == "table" or (place == source[1].name == SETTINGS.name):
             halt()
         return made
 

@@ -45,9 +45,9 @@ def fleet_of(
     persons = folder / "operators.txt"
     persons.write_text(operators)
     files = ("--robots", str(robots), "--operators", str(persons), "--config", str(settings))
-    asked = ("--listen", bus, *files)
+    requests = ("--listen", bus, *files)
     with (
-        ServerProcess(data=folder / "fleet", arguments=asked, command="fleet") as server,
+        ServerProcess(data=folder / "fleet", arguments=requests, command="fleet") as server,
         ServerProcess(*(sources or (SOURCE,)), data=folder / "robot", arguments=("--config", str(robot))) as own,
     ):
         block_until(lambda: summary(server).get("pages") == pages, "the robot has reported")

@@ -191,13 +191,13 @@ class RolloutFleet:
 
     def rate(self, name: str) -> int:
         """Configured rate of a robot's quaternion, Hz."""
-        found = self.values(name)["OutputConfiguration"]["outputs"]
-        return next(int(one["output_frequency"]) for one in found if one["data_identifier"] == QUATERNION)
+        results = self.values(name)["OutputConfiguration"]["outputs"]
+        return next(int(one["output_frequency"]) for one in results if one["data_identifier"] == QUATERNION)
 
     def rollback(self, name: str) -> str:
         """State of a robot's rollback, as it says itself."""
-        found = self.robots[name].client.get("/api/devices/1/jobs").json()["pending_rollback"]
-        return str(found["state"]) if found else ""
+        result = self.robots[name].client.get("/api/devices/1/jobs").json()["pending_rollback"]
+        return str(result["state"]) if result else ""
 
     # ── the fleet server ─────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -251,8 +251,8 @@ class RolloutFleet:
 
     def events(self, robot: str) -> list[str]:
         """Texts of the events of a robot at the fleet server, the oldest first."""
-        found = self._server.get("/api/fleet/events", params={"limit": 500}).json()
-        return [one["text"] for one in reversed(found) if one["robot"] == robot]
+        answer = self._server.get("/api/fleet/events", params={"limit": 500}).json()
+        return [one["text"] for one in reversed(answer) if one["robot"] == robot]
 
     def until_event(self, robot: str, beginning: str) -> None:
         """Wait until an event of a robot that begins so is written, which the fleet server does now and then."""
@@ -267,5 +267,5 @@ class RolloutFleet:
 
 def outputs(rate: int) -> dict[str, Any]:
     """A quaternion and a rate of turn at a rate."""
-    asked = [{"data_identifier": one, "output_frequency": rate} for one in (QUATERNION, 0x8020)]
-    return {"OutputConfiguration": {"outputs": asked}}
+    requests = [{"data_identifier": one, "output_frequency": rate} for one in (QUATERNION, 0x8020)]
+    return {"OutputConfiguration": {"outputs": requests}}

@@ -34,8 +34,8 @@ class Commands:
         """Exit status, output and errors of a command."""
         self._capsys.readouterr()
         status = main([str(word) for word in words])
-        said = self._capsys.readouterr()
-        return status, said.out, said.err
+        printed = self._capsys.readouterr()
+        return status, printed.out, printed.err
 
     def upload(self, file: Path, store: Path | str, robot: str = "otter", *more: str) -> str:
         """Upload a file; the line that was printed."""

@@ -137,15 +137,15 @@ class SyntheticFleet:
             Config(data=folder, sources=("fake",)), FakeLink, brought=[self.robots], has_devices=False
         )
         self.url = f"{self.server.url}/"
-        self.tell(self.maker.robots)
+        self.publish(self.maker.robots)
 
-    def tell(self, robots: list[RobotSummary]) -> None:
+    def publish(self, robots: list[RobotSummary]) -> None:
         """Robots with other figures."""
         self.server.call(lambda: [self.robots.update(one) for one in robots])
 
     def change(self) -> None:
         """Let all robots be a second later."""
-        self.tell(self.maker.changed())
+        self.publish(self.maker.changed())
 
     def __enter__(self) -> SyntheticFleet:
         return self

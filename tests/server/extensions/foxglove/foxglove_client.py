@@ -45,26 +45,26 @@ class FoxgloveTestClient:
             self.channels = {topic: one for topic, one in self.channels.items() if one["id"] not in gone}
 
     async def subscribe(self, *topics: str) -> None:
-        wanted = []
+        expected = []
         for topic in topics:
             number = 1000 + len(self._topics)
             self._topics[number] = topic
-            wanted.append({"id": number, "channelId": self.channels[topic]["id"]})
-        await self._socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+            expected.append({"id": number, "channelId": self.channels[topic]["id"]})
+        await self._socket.send(json.dumps({"op": "subscribe", "subscriptions": expected}))
 
-    async def messages(self, wanted: int) -> list[tuple[str, float, bytes]]:
+    async def messages(self, expected: int) -> list[tuple[str, float, bytes]]:
         """Receive this many messages: topic, unix s, payload."""
-        found: list[tuple[str, float, bytes]] = []
+        results: list[tuple[str, float, bytes]] = []
         async with asyncio.timeout(60):
-            while len(found) < wanted:
+            while len(results) < expected:
                 data = await self._socket.recv()
                 if isinstance(data, str):
                     self._text(data)
                     continue
                 opcode, number, time_ns = struct.unpack_from("<BIQ", data)
                 assert opcode == 1
-                found.append((self._topics[number], time_ns / 1e9, data[13:]))
-        return found
+                results.append((self._topics[number], time_ns / 1e9, data[13:]))
+        return results
 
 
 @contextlib.asynccontextmanager

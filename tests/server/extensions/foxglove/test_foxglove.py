@@ -53,15 +53,15 @@ async def test_a_quantity_is_advertised_and_plots_without_set_up(bridged: Server
         }
         assert all("m/s²" in field["description"] for field in fields.values())
         await client.subscribe("/IMX-5/IMU/Acceleration")
-        found = await client.messages(50)
-        values = np.array([list(json.loads(body).values()) for _, _, body in found])
+        results = await client.messages(50)
+        values = np.array([list(json.loads(body).values()) for _, _, body in results])
         assert np.linalg.norm(values, axis=1) == pytest.approx(9.8, abs=1.5)
         # Device time: 100 Hz, whatever the arrival. The clock of a device is learned in its first seconds: where
         # its first samples were late, their times catch up (protocols/clocks/clock_model.py, SLEW_FAR).
         async with asyncio.timeout(PATIENCE_S):
-            while np.diff([at for _, at, _ in found]) != pytest.approx(0.01, abs=0.002):
-                found = await client.messages(50)
-        assert abs(found[-1][1] - time.time()) < 20
+            while np.diff([at for _, at, _ in results]) != pytest.approx(0.01, abs=0.002):
+                results = await client.messages(50)
+        assert abs(results[-1][1] - time.time()) < 20
 
 
 async def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged: ServerProcess) -> None:
@@ -75,14 +75,14 @@ async def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged:
         assert client.channels[position]["schemaName"] == LocationFix.get_schema().name
         assert client.channels[attitude]["encoding"] == "protobuf"
         await client.subscribe(attitude, position)
-        found = await client.messages(40)
-    turn = next(body for topic, _, body in found if topic == attitude)
+        results = await client.messages(40)
+    turn = next(body for topic, _, body in results if topic == attitude)
     fields = protobuf(turn)
     assert fields[2] == b"ENU"
     assert fields[3] == b"IMX-5"
     q = [struct.unpack("<d", part)[0] for part in protobuf(fields[5]).values()]
     assert np.linalg.norm(q) == pytest.approx(1, abs=1e-3)
-    fix = protobuf(next(body for topic, _, body in found if topic == position))
+    fix = protobuf(next(body for topic, _, body in results if topic == position))
     assert -90 <= struct.unpack("<d", fix[1])[0] <= 90
 
 
@@ -96,14 +96,14 @@ def test_foxgloves_own_client_gets_what_a_plot_needs(bridged: ServerProcess) -> 
     command = [str(node), str(ROOT / "web" / "tests" / "foxglove.mjs"), address, topic, "50"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["server"]["name"].startswith("imuscope")
-    assert {topic, "/IMX-5/attitude", "/IMX-5/position"} <= set(told["topics"])
-    fields = json.loads(told["channel"]["schema"])["properties"]
-    values = [message["value"] for message in told["messages"]]
+    document = json.loads(done.stdout)
+    assert document["server"]["name"].startswith("imuscope")
+    assert {topic, "/IMX-5/attitude", "/IMX-5/position"} <= set(document["topics"])
+    fields = json.loads(document["channel"]["schema"])["properties"]
+    values = [message["value"] for message in document["messages"]]
     assert all(value.keys() == fields.keys() for value in values)
     assert np.linalg.norm([list(value.values()) for value in values], axis=1) == pytest.approx(9.8, abs=1.5)
-    at = np.array([int(message["at"]) for message in told["messages"]])
+    at = np.array([int(message["at"]) for message in document["messages"]])
     assert np.diff(at) / 1e9 == pytest.approx(0.01, abs=0.002)
 
 
@@ -169,8 +169,8 @@ async def test_a_stalled_client_delays_no_other(bridged: ServerProcess) -> None:
         await lazy.subscribe(*lazy.channels)
         await client.until("/IMX-5/IMU/Acceleration")
         await client.subscribe("/IMX-5/IMU/Acceleration")
-        found = await client.messages(30)
-        assert np.diff([at for _, at, _ in found]) == pytest.approx(0.01, abs=0.002)
+        results = await client.messages(30)
+        assert np.diff([at for _, at, _ in results]) == pytest.approx(0.01, abs=0.002)
     [device] = get(bridged.url + "/api/devices").json()
     assert device["status"] == "live"
 
@@ -207,6 +207,6 @@ def test_a_table_is_one_message_a_time() -> None:
     info = channel(column("svId", dtype="u1"), kind="table")
     clock = np.array([1.0, 1.0, 2.0])
     rows = [clock, clock, np.array([5, 6, 7], "u1")]
-    found = [json.loads(body) for _, body in Encoder(info).messages(rows)]
-    assert found == [{"rows": [{"svId": 5}, {"svId": 6}]}, {"rows": [{"svId": 7}]}]
+    results = [json.loads(body) for _, body in Encoder(info).messages(rows)]
+    assert results == [{"rows": [{"svId": 5}, {"svId": 6}]}, {"rows": [{"svId": 7}]}]
     assert schema_of(info)["properties"]["rows"]["items"]["properties"] == {"svId": {"type": "integer"}}

@@ -35,7 +35,7 @@ def test_devices_of_another_imuscope_have_their_quantities_units_and_attitude(tm
         asyncio.run(play(port_of(server)))
 
 
-def test_one_that_does_not_serve_the_protocol_says_so(tmp_path: Path) -> None:
+def test_one_that_does_not_serve_the_protocol_states_it(tmp_path: Path) -> None:
     async def play(port: int) -> None:
         made = Watched(f"foxglove://127.0.0.1:{port}")
         with pytest.raises(LinkError, match=r"is not enabled on this server\. Start it with --foxglove"):

@@ -30,8 +30,8 @@ Messages = dict[str, list[tuple[int, bytes]]]
 
 def read(path: Path) -> tuple[dict[str, Topic], Messages]:
     """Topics as they are advertised over a WebSocket, and messages by topic."""
-    told: dict[str, Topic] = {}
-    found: Messages = {}
+    subjects: dict[str, Topic] = {}
+    results: Messages = {}
     with path.open("rb") as file:
         reader = make_reader(file)
         summary = reader.get_summary()
@@ -39,10 +39,10 @@ def read(path: Path) -> tuple[dict[str, Topic], Messages]:
         for one in summary.channels.values():
             schema = summary.schemas[one.schema_id]
             text = base64.b64encode(schema.data) if schema.encoding == "protobuf" else schema.data
-            told[one.topic] = (one.message_encoding, schema.name, schema.encoding, text.decode())
+            subjects[one.topic] = (one.message_encoding, schema.name, schema.encoding, text.decode())
         for _, one, message in reader.iter_messages():
-            found.setdefault(one.topic, []).append((message.log_time, message.data))
-    return told, found
+            results.setdefault(one.topic, []).append((message.log_time, message.data))
+    return subjects, results
 
 
 @pytest.fixture(scope="module")
@@ -55,51 +55,51 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Topic], Me
         async def listen() -> tuple[dict[str, Topic], Messages]:
             async with attached(server) as client:
                 await client.until(*LATEST)
-                wanted = [*LATEST, "/MTi-680G/Acceleration", "/MTi-680G/Status", "/events"]
-                await client.subscribe(*(topic for topic in wanted if topic in client.channels))
-                found: Messages = {}
-                while min(len(found.get(topic, ())) for topic in LATEST) < 3:  # events are as many as there are
+                expected = [*LATEST, "/MTi-680G/Acceleration", "/MTi-680G/Status", "/events"]
+                await client.subscribe(*(topic for topic in expected if topic in client.channels))
+                results: Messages = {}
+                while min(len(results.get(topic, ())) for topic in LATEST) < 3:  # events are as many as there are
                     for topic, at, body in await client.messages(20):
-                        found.setdefault(topic, []).append((round(at * 1e9), body))
-                told = {
+                        results.setdefault(topic, []).append((round(at * 1e9), body))
+                details = {
                     name: (one["encoding"], one["schemaName"], one["schemaEncoding"], one["schema"])
                     for name, one in client.channels.items()
                 }
-                return told, found
+                return details, results
 
-        live, heard = asyncio.run(listen())
+        live, received = asyncio.run(listen())
         get(server.url + "/healthz").raise_for_status()
     (recorded,) = (data / "recordings").glob("*.mcap")
     out = data / "out.mcap"
     assert main(["decode", str(recorded), "-o", str(out)]) == 0
-    return live, heard, out
+    return live, received, out
 
 
 def test_an_export_has_the_topics_and_schemas_of_the_live_server(both: tuple[dict[str, Topic], Messages, Path]) -> None:
     """A layout made live did not fit the exported file: other topics, other fields, no transforms, no places."""
-    live, heard, out = both
-    told, found = read(out)
-    assert {topic: told.get(topic) for topic in live} == live
-    assert found.keys() >= LATEST
-    parted = max(at for messages in heard.values() for at, _ in messages)
-    more = {topic for topic in told.keys() - live.keys() if found[topic][0][0] < parted - 1e9}
+    live, received, out = both
+    report, result = read(out)
+    assert {topic: report.get(topic) for topic in live} == live
+    assert result.keys() >= LATEST
+    parted = max(at for messages in received.values() for at, _ in messages)
+    more = {topic for topic in report.keys() - live.keys() if result[topic][0][0] < parted - 1e9}
     assert {topic for topic in more if not topic.endswith(ONLY_RECORDED)} == set()
 
 
 def test_an_export_has_the_messages_of_the_live_server(both: tuple[dict[str, Topic], Messages, Path]) -> None:
-    _, heard, out = both
-    _, found = read(out)
-    for topic, live in heard.items():
-        kept = [body for _, body in found[topic]]
+    _, received, out = both
+    _, results = read(out)
+    for topic, live in received.items():
+        entries = [body for _, body in results[topic]]
         if topic in LATEST:
-            shown = {told_of(topic, body) for body in kept}
-            assert all(told_of(topic, body) in shown for _, body in live), topic
+            shown = {numbers_of(topic, body) for body in entries}
+            assert all(numbers_of(topic, body) in shown for _, body in live), topic
         elif topic != "/events":
-            values = {tuple(np.float32(list(json.loads(body).values())).tolist()) for body in kept}
+            values = {tuple(np.float32(list(json.loads(body).values())).tolist()) for body in entries}
             assert all(tuple(np.float32(list(json.loads(body).values())).tolist()) in values for _, body in live)
 
 
-def told_of(topic: str, body: bytes) -> tuple[bytes, ...]:
+def numbers_of(topic: str, body: bytes) -> tuple[bytes, ...]:
     """A well-known message without its time, which is mapped again when a recording is opened."""
     time = 1 if topic.endswith("attitude") else 6
     return tuple(value for key, value in protobuf(body).items() if key != time)
@@ -124,14 +124,14 @@ def test_many_messages_at_once_are_what_they_are_one_by_one(kind: str) -> None:
     own[1][7], own[2][8] = np.inf, -0.0
     time = np.repeat(np.arange(n / 3) + 1.7e9, 3)
     info = info_of(kind)
-    wanted = [(at, json.loads(body)) for at, body in Encoder(info).messages([time, time, *own])]
+    expected = [(at, json.loads(body)) for at, body in Encoder(info).messages([time, time, *own])]
     at, many = stamps(time, time), bodies(info, own)
     if kind == "table":
         first = np.arange(0, n, 3)
         at, many = at[first], tables(many, first)
-    found = [(when, json.loads(body)) for when, body in zip(at.tolist(), many.to_pylist(), strict=True)]
-    assert [when for when, _ in found] == [when for when, _ in wanted]
-    assert [plain(body) for _, body in found] == [plain(body) for _, body in wanted]
+    results = [(when, json.loads(body)) for when, body in zip(at.tolist(), many.to_pylist(), strict=True)]
+    assert [when for when, _ in results] == [when for when, _ in expected]
+    assert [plain(body) for _, body in results] == [plain(body) for _, body in expected]
 
 
 def test_a_message_without_a_single_number_is_still_one() -> None:

@@ -35,13 +35,13 @@ class FakeServer:
         raise AssertionError("nothing is to be withdrawn")
 
 
-class Told:
+class RecordingClient:
     def __init__(self, devices: list[dict[str, Any]], channels: list[dict[str, Any]]) -> None:
         self.devices, self.announced, self.channels = devices, devices, {one["id"]: one for one in channels}
-        self.asked: list[int] = []
+        self.requested_ids: list[int] = []
 
-    def subscribe(self, wanted: list[int]) -> None:
-        self.asked = wanted
+    def subscribe(self, expected: list[int]) -> None:
+        self.requested_ids = expected
 
 
 def quaternion(number: int, device: str) -> dict[str, Any]:
@@ -49,10 +49,12 @@ def quaternion(number: int, device: str) -> dict[str, Any]:
     return channel(number, device, "MTData2", "Quaternion", "quaternion", columns, frame="ENU from body")
 
 
-def bridge(monkeypatch: pytest.MonkeyPatch, told: Told) -> tuple[foxglove_worker.FoxgloveBridge, FakeServer]:
+def bridge(
+    monkeypatch: pytest.MonkeyPatch, report: RecordingClient
+) -> tuple[foxglove_worker.FoxgloveBridge, FakeServer]:
     server = FakeServer()
     monkeypatch.setattr(foxglove_worker, "FoxgloveServer", lambda *_: server)
-    made = foxglove_worker.FoxgloveBridge(told)  # type: ignore[arg-type]
+    made = foxglove_worker.FoxgloveBridge(report)  # type: ignore[arg-type]
     made.configure()
     return made, server
 
@@ -64,12 +66,12 @@ def samples(number: int, *columns: list[float]) -> SampleFrame:
 
 def test_two_devices_of_one_product_have_topics_and_frames_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     devices = [{"id": "1", "name": "MTi-630"}, {"id": "2", "name": "MTi-630"}]
-    made, server = bridge(monkeypatch, Told(devices, [quaternion(1, "1"), quaternion(2, "2")]))
+    made, server = bridge(monkeypatch, RecordingClient(devices, [quaternion(1, "1"), quaternion(2, "2")]))
     assert "/MTi-630/Quaternion" in server.topics
     assert "/MTi-630-2/Quaternion" in server.topics
     made.on_message([samples(1, [1.0], [0.0], [0.0], [0.0]), samples(2, [1.0], [0.0], [0.0], [0.0])])
-    told = [body for topic, body in server.sent if topic.endswith("attitude")]
-    assert sorted(b"MTi-630-2" in body for body in told) == [False, True]
+    messages = [body for topic, body in server.sent if topic.endswith("attitude")]
+    assert sorted(b"MTi-630-2" in body for body in messages) == [False, True]
     assert FrameTransform.get_schema().name == "foxglove.FrameTransform"
 
 
@@ -80,9 +82,9 @@ def test_a_place_has_the_height_that_comes_beside_it(monkeypatch: pytest.MonkeyP
     )
     height = channel(3, "1", "MTData2", "AltitudeEllipsoid", "scalar", [{**column("value", "f8", "m"), **more}])
     height["unit"] = "m"
-    told = Told([{"id": "1", "name": "MTi-680G"}], [quaternion(1, "1"), place, height])
-    made, server = bridge(monkeypatch, told)
-    assert 3 in told.asked
+    report = RecordingClient([{"id": "1", "name": "MTi-680G"}], [quaternion(1, "1"), place, height])
+    made, server = bridge(monkeypatch, report)
+    assert 3 in report.requested_ids
     made.on_message([samples(2, [52.0, 52.1], [5.0, 5.1]), samples(3, [100.0, 101.0])])
     fixes = [body for topic, body in server.sent if topic.endswith("position")]
     assert len(fixes) == 2

@@ -12,10 +12,10 @@ from rerun.chunk import RrdReader
 
 def entities(path: Path) -> dict[str, list[pa.RecordBatch]]:
     """Entity → its chunks, as the reader of the SDK gives them."""
-    found: dict[str, list[pa.RecordBatch]] = {}
+    results: dict[str, list[pa.RecordBatch]] = {}
     for chunk in RrdReader(path).stream():
-        found.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
-    return found
+        results.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
+    return results
 
 
 def column(batches: list[pa.RecordBatch], name: str) -> list[Any]:

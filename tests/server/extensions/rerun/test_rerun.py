@@ -108,13 +108,13 @@ def test_a_recording_is_streamed_whole_or_in_part_or_thinned(client: httpx.Clien
 
 def test_the_amount_sent_to_a_browser_is_reported(client: httpx.Client) -> None:
     address = "/api/recordings/drive/amount"
-    found = client.get(address).json()
-    assert found["rows"] == found["shown"] > 1000
-    assert (found["most"], found["every"]) == (0, 1)
-    assert found["whole_s"] == pytest.approx(3.5, abs=0.6)
+    answer = client.get(address).json()
+    assert answer["rows"] == answer["shown"] > 1000
+    assert (answer["most"], answer["every"]) == (0, 1)
+    assert answer["whole_s"] == pytest.approx(3.5, abs=0.6)
     begin = client.get("/api/recordings/drive").json()["t0"]
     part = client.get(address, params={"t0": begin, "t1": begin + 1}).json()
-    assert 0 < part["rows"] < found["rows"] / 2
+    assert 0 < part["rows"] < answer["rows"] / 2
     assert client.get(address, params={"t0": 5, "t1": 4}).status_code == 422
     assert client.get("/api/recordings/none/amount").status_code == 404
 
@@ -136,36 +136,36 @@ def test_unstreamable_requests_are_reported(client: httpx.Client, address: str, 
 
 
 def test_live_data_are_sent_as_self_contained_batches(running: ServerProcess, tmp_path: Path) -> None:
-    told, batches = looked(running.url, 12)
-    assert told["kind"] == "lag"
-    assert told["lag_ms"] >= 0
-    assert told["dropped"] == 0
-    found: set[str] = set()
+    report, batches = streamed(running.url, 12)
+    assert report["kind"] == "lag"
+    assert report["lag_ms"] >= 0
+    assert report["dropped"] == 0
+    results: set[str] = set()
     for number, batch in enumerate(batches):
         path = tmp_path / f"{number}.rrd"
         path.write_bytes(batch)
         if RrdReader(path).recordings():
-            found |= entities(path).keys()
-    assert any(name.endswith("/body/shape") for name in found), found  # static data are sent to each
-    assert any("Acceleration" in name for name in found)
-    late, again = looked(running.url, 6)
+            results |= entities(path).keys()
+    assert any(name.endswith("/body/shape") for name in results), results  # static data are sent to each
+    assert any("Acceleration" in name for name in results)
+    late, again = streamed(running.url, 6)
     assert late["kind"] == "lag"
     assert again[0] == batches[0]  # static data are sent first, also to a late viewer
 
 
-def looked(url: str, wanted: int) -> tuple[dict[str, float], list[bytes]]:
+def streamed(url: str, expected: int) -> tuple[dict[str, float], list[bytes]]:
     """Receive this many batches as a browser does, and the reports about them."""
     batches: list[bytes] = []
-    told: dict[str, float] = {}
+    subjects: dict[str, float] = {}
     with connect(url.replace("http", "ws") + "/rerun/live", max_size=None) as socket:
-        while len(batches) < wanted or not told:
+        while len(batches) < expected or not subjects:
             message = socket.recv(timeout=PATIENCE_S)
             if isinstance(message, str):
-                told = json.loads(message)
+                subjects = json.loads(message)
             else:
                 batches.append(message)
                 socket.send(str(len(batches)))
-    return told, batches
+    return subjects, batches
 
 
 def test_a_stream_of_a_missing_device_is_refused_with_a_reason(running: ServerProcess) -> None:
@@ -183,12 +183,12 @@ async def test_a_slow_viewer_loses_the_oldest_samples_and_their_number_is_report
     viewer.remember(b"older")
     viewer.remember(bytes(PAST_BYTES))  # more than it may cost
     assert viewer.dropped == 5
-    taken = []
+    batches = []
     for n in range(MAX_LIVE + 3):
-        taken.append((await viewer.take())[1])
+        batches.append((await viewer.take())[1])
         viewer.acknowledge(n + 1)
-    assert taken[:2] == [b"still", b"live 5"]
-    assert taken[-2:] == [b"newest of before", b"older"]
+    assert batches[:2] == [b"still", b"live 5"]
+    assert batches[-2:] == [b"newest of before", b"older"]
 
 
 async def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
@@ -222,9 +222,9 @@ async def test_late_viewers_get_the_newest_data_first_and_memory_is_bounded() ->
     assert sum(len(data) for _, data in feed._backlog) <= KEPT_BYTES
     viewer = feed.join()
     feed._on_report(batch(99.0, b"now"))  # live data are sent before older data
-    taken = [await viewer.take() for _ in range(MAX_UNACKNOWLEDGED)]
-    assert [data[:5].rstrip(b"\0") for _, data in taken] == [b"still", b"now", b"39", b"38"]
-    assert feed.lag_ms(taken[1][0]) == 1000
+    batches = [await viewer.take() for _ in range(MAX_UNACKNOWLEDGED)]
+    assert [data[:5].rstrip(b"\0") for _, data in batches] == [b"still", b"now", b"39", b"38"]
+    assert feed.lag_ms(batches[1][0]) == 1000
     rest = 0
     while viewer.past:
         viewer.acknowledge(viewer.sent)
@@ -243,7 +243,7 @@ class RerunMessage:
         self.batches.append(words)
 
     def subscribe(self, channels: list[int], past: list[int], history: float) -> None:
-        self.asked = (channels, history)
+        self.request = (channels, history)
 
 
 @each_row("rate", [100, 2000])
@@ -257,10 +257,10 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     monkeypatch.setattr(rerun_worker, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=lambda _: None))
     columns = [{"name": name, "unit": "m/s²", "label": "", "axis": name, "bits": []} for name in "xyz"]
     info = {"id": 7, "device": "d", "message": "m", "name": "a", "title": "Acceleration", "group": "", "doc": ""}
-    told = RerunMessage(
+    report = RerunMessage(
         [{"id": "d", "name": "D"}], {7: info | {"kind": "vector", "unit": "m/s²", "frame": "", "columns": columns}}
     )
-    feed = rerun_worker.RerunBatcher(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
+    feed = rerun_worker.RerunBatcher(report, {"device": "", "connect": ""})  # type: ignore[arg-type]
     feed.lay_out()
     sent = 0
     for tick in range(180):
@@ -269,7 +269,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
         at = np.arange(sent, sent + n) / rate
         feed.add([SampleFrame(7, sent, n, 0, False, 0.0, [at, at, at, at, at])])
         sent += n
-    live = [words for words in told.batches if words["op"] == "batch" and not words["still"]]
+    live = [words for words in report.batches if words["op"] == "batch" and not words["still"]]
     assert 30 <= len(live) <= 3 * 60
     whole = tmp_path / "live.rrd"
     rows = 0
@@ -286,8 +286,8 @@ def test_a_stream_keeps_nothing_of_devices_that_are_gone() -> None:
 
     column = {"name": "value", "unit": "", "label": "", "axis": "", "bits": []}
     info = {"id": 7, "device": "d", "message": "m", "name": "a", "title": "A", "group": "", "doc": "", "frame": ""}
-    told = RerunMessage([{"id": "d", "name": "D"}], {7: info | {"kind": "scalar", "unit": "", "columns": [column]}})
-    feed = RerunBatcher(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
+    report = RerunMessage([{"id": "d", "name": "D"}], {7: info | {"kind": "scalar", "unit": "", "columns": [column]}})
+    feed = RerunBatcher(report, {"device": "", "connect": ""})  # type: ignore[arg-type]
     track = deque([(np.zeros(3), np.zeros(2))])
     feed._paths, feed._words = {"d": track, "gone": track}, {(7, 0): 1, (8, 0): 1}
     feed.lay_out()
@@ -295,9 +295,9 @@ def test_a_stream_keeps_nothing_of_devices_that_are_gone() -> None:
 
 
 def test_an_invalid_viewer_address_is_refused_before_anything_starts() -> None:
-    said = imuscope("serve", "--rerun-connect", "http://elsewhere")
-    assert said.returncode == 1
-    assert "rerun_connect" in said.stderr
+    message = imuscope("serve", "--rerun-connect", "http://elsewhere")
+    assert message.returncode == 1
+    assert "rerun_connect" in message.stderr
 
 
 def listens(port: int) -> None:
@@ -319,9 +319,9 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
     environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin", "NO_COLOR": "1"}
     port = free_port()
     options = ["--serve-grpc", "--bind", "127.0.0.1", "--port", str(port), "--server-memory-limit", "50MB"]
-    with log.open("wb") as told:
+    with log.open("wb") as report:
         elsewhere = subprocess.Popen(
-            [program(), *options], stdin=subprocess.DEVNULL, stdout=told, stderr=told, env=environment
+            [program(), *options], stdin=subprocess.DEVNULL, stdout=report, stderr=report, env=environment
         )
     try:
         address = f"rerun+http://127.0.0.1:{port}/proxy"
@@ -353,7 +353,7 @@ def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
     """A stalled viewer: it accepts the connection and reads nothing. Rerun's SDK stores all data sent to it."""
     from imuscope.server.extensions.rerun import service as rerun_remote
 
-    async def look(address: str) -> None:
+    async def check(address: str) -> None:
         now = asyncio.get_running_loop().time
         telemetry = Telemetry.create(now)
         telemetry.bus.set_device(wire.DeviceInfo("1", "D", "sim:xbus", "simulator", "live"))
@@ -382,4 +382,4 @@ def test_a_stalled_remote_viewer_uses_no_memory_and_is_reported() -> None:
         assert "does not accept data" in texts[0]
 
     with socket.create_server(("127.0.0.1", 0)) as hole:
-        asyncio.run(look(f"rerun+http://127.0.0.1:{hole.getsockname()[1]}/proxy"))
+        asyncio.run(check(f"rerun+http://127.0.0.1:{hole.getsockname()[1]}/proxy"))

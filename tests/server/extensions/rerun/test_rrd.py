@@ -81,15 +81,15 @@ def test_every_value_and_every_time_of_every_channel_is_in_the_file(
             rows = store.exact(number, 0, store.rows(number))
             for curve in curves:
                 batches = read[name_of(curve.path)]
-                wanted = np.column_stack([rows.columns[i].astype(np.float64) for i in curve.columns])
-                compared += wanted.size
+                expected = np.column_stack([rows.columns[i].astype(np.float64) for i in curve.columns])
+                compared += expected.size
                 if infos[number]["kind"] == "table":
-                    np.testing.assert_array_equal(flat(batches), wanted)
+                    np.testing.assert_array_equal(flat(batches), expected)
                     continue
                 sample = times(batches, "sample", "Scalars:scalars")
                 order = np.argsort(sample)  # rows stand in the order of their time
                 np.testing.assert_array_equal(sample[order], np.arange(len(rows)))
-                np.testing.assert_array_equal(numbers(batches, "Scalars:scalars")[order], wanted)
+                np.testing.assert_array_equal(numbers(batches, "Scalars:scalars")[order], expected)
                 device_time = np.where(np.isnan(rows.time), rows.arrival, rows.time)
                 for name, clock in (("device_time", device_time), ("arrival_time", rows.arrival)):
                     got = times(batches, name, "Scalars:scalars")[order]
@@ -120,8 +120,8 @@ def test_an_entity_has_the_frame_of_its_values(read: dict[str, list[pa.RecordBat
         ]
         for path, batches in read.items()
     }
-    assert any("Acceleration" in path and told == ["body"] for path, told in frames.items())
-    assert any(told in (["NED"], ["ENU"], ["ENU from body"], ["NED from body"]) for told in frames.values())
+    assert any("Acceleration" in path and report == ["body"] for path, report in frames.items())
+    assert any(report in (["NED"], ["ENU"], ["ENU from body"], ["NED from body"]) for report in frames.values())
 
 
 def numbers_or_words(batches: list[pa.RecordBatch], name: str) -> list[Any]:
@@ -134,8 +134,8 @@ def test_the_attitude_is_a_transform_of_the_body_in_its_own_frame(
     quaternion = next(info["id"] for info in store.manifest["channels"] if info["name"] == "DID_INS_2.qn2b")
     rows = store.exact(quaternion, 0, store.rows(quaternion))
     body = read[name_of(("world", "IMX-5", "NED", "body"))]
-    wanted = np.column_stack([rows.columns[i] for i in (1, 2, 3, 0)])  # x, y, z, w
-    np.testing.assert_array_equal(numbers(body, "Transform3D:quaternion"), wanted)
+    expected = np.column_stack([rows.columns[i] for i in (1, 2, 3, 0)])  # x, y, z, w
+    np.testing.assert_array_equal(numbers(body, "Transform3D:quaternion"), expected)
     for part in ("shape", "axes"):
         assert name_of(("world", "IMX-5", "NED", "body", part)) in read
     # The frame is turned into the world's: north of NED is the world's y, down is its −z.
@@ -169,9 +169,9 @@ def test_a_device_is_at_its_reported_position_on_a_map(
         if position is None or not position.on_map:
             continue
         rows = store.exact(position.channel, 0, store.rows(position.channel))
-        wanted = np.column_stack([rows.columns[i].astype(np.float64) for i in position.columns[:2]])
+        expected = np.column_stack([rows.columns[i].astype(np.float64) for i in position.columns[:2]])
         got = numbers(read[name_of(position.on_map)], "GeoPoints:positions")
-        np.testing.assert_array_equal(got, wanted[(wanted != 0).any(axis=1)])
+        np.testing.assert_array_equal(got, expected[(expected != 0).any(axis=1)])
         [way] = column(read[name_of((*position.on_map, "track"))], "GeoLineStrings:line_strings")
         np.testing.assert_allclose(np.asarray(way.values.values.values).reshape(-1, 2)[0], got[0])
     assert sum(position is not None and bool(position.on_map) for position in mapped.values()) == 2
@@ -184,14 +184,14 @@ def test_the_map_is_behind_the_track_so_that_no_tiles_are_requested(store: Colum
 
     infos = store.manifest["channels"]
     root = blueprint(devices_of(store.manifest["devices"], infos), infos, []).root_container
-    found: list[rrb.Tabs] = []
+    results: list[rrb.Tabs] = []
     waiting: list[object] = [root]
     while waiting:
         part = waiting.pop()
         if isinstance(part, rrb.Tabs) and any(isinstance(view, rrb.MapView) for view in part.contents):
-            found.append(part)
+            results.append(part)
         waiting += getattr(part, "contents", []) if isinstance(part, rrb.Container) else []
-    [tabs] = found
+    [tabs] = results
     assert isinstance(tabs.contents[0], rrb.Spatial3DView)
     assert tabs.active_tab == 0
 
@@ -230,8 +230,8 @@ def test_curves_of_one_message_with_units_of_their_own_have_colours_of_their_own
 
 
 def test_changes_and_markers_are_written_as_text(read: dict[str, list[pa.RecordBatch]]) -> None:
-    said = [word for name, batches in read.items() if "changes" in name for word in texts(batches)]
-    assert any("set" in word for word in said)
+    messages = [word for name, batches in read.items() if "changes" in name for word in texts(batches)]
+    assert any("set" in word for word in messages)
     assert texts(read["/markers"]) == ["bump"]
     assert times(read["/markers"], "arrival_time", "TextLog:text").tolist() == [START + 2_000_000_000]
     assert any(name.startswith("/events/") for name in read)
@@ -246,8 +246,8 @@ def test_static_things_come_first_and_a_layout_is_in_it(store: ColumnStore, tmp_
     reader = RrdReader(tmp_path / "a.rrd")
     assert len(reader.blueprints()) == 1
     command = [sys.executable, "-m", "rerun_cli", "rrd", "print", str(tmp_path / "a.rrd")]
-    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, env=ENVIRONMENT)
-    names = re.findall(r"\) - (/.*) - data columns", said.stdout)  # in the order of the file
+    process = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, env=ENVIRONMENT)
+    names = re.findall(r"\) - (/.*) - data columns", process.stdout)  # in the order of the file
     static = {chunk.entity_path for chunk in reader.stream() if chunk.is_static}
     begins = next(i for i, name in enumerate(names) if name.startswith(("/events", "/markers")))
     drawn = [name for name in static if name.startswith("/world/")]
@@ -332,8 +332,8 @@ def test_a_fault_of_one_sample_survives_thinning_and_is_reported(tmp_path: Path)
     ],
 )
 def test_a_browser_gets_no_more_than_it_holds(counts: list[int], as_much: bool, shown: tuple[int, int, int]) -> None:
-    found = limit_for(counts, as_much)
-    assert (found.rows, found.shown, found.most, found.every) == (sum(counts), *shown)
+    result = limit_for(counts, as_much)
+    assert (result.rows, result.shown, result.most, result.every) == (sum(counts), *shown)
 
 
 def test_a_stopped_export_leaves_no_files(tmp_path: Path) -> None:
@@ -357,16 +357,16 @@ def test_rerun_is_a_format_and_is_imported_on_demand_only(store: ColumnStore, tm
     curves = {name for name, batches in entities(files[0]).items() if column(batches, "Scalars:scalars")}
     assert curves == {name_of(("MTi-680G", "Acceleration [m/s²]"))}
     code = "import sys; import imuscope.recordings.exporters; print('rerun' in sys.modules)"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert said.stdout.strip() == "False"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert process.stdout.strip() == "False"
 
 
 def test_a_layout_is_known_without_rerun() -> None:
     own = "imuscope.server.extensions.rerun.rrd.size_limit"
     names = f"imuscope.recordings.exporters.entities, imuscope.recordings.exporters.enu, {own}"
     code = f"import sys; import {names}; print('rerun' in sys.modules)"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert said.stdout.strip() == "False"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert process.stdout.strip() == "False"
 
 
 @each_row("name", ["drive.mcap", "yard (2), left/right", "Straße 7.", "…", ""])

@@ -65,13 +65,13 @@ def built(
 ) -> list[Any]:
     """The messages of a topic, from samples that come in these batches."""
     builder = builders_of(quantities_of(DEVICE, channels), frames, noise)[topic]
-    found = []
+    results = []
     for batch in batches:
         samples: dict[int, list[SampleFrame]] = {}
         for one in batch:
             samples.setdefault(one.channel, []).append(one)
-        found += [deserialize(data, builder.type) for data in builder.build(samples)]
-    return found
+        results += [deserialize(data, builder.type) for data in builder.build(samples)]
+    return results
 
 
 def vector(value: Any) -> list[float]:

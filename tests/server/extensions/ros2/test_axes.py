@@ -32,8 +32,8 @@ def test_attitudes_and_vectors_agree(frame: str, axes: str) -> None:
     source = np.random.default_rng(7)
     q_frame_from_body = quaternions("quaternion", list(source.normal(size=(4, 20))))
     in_body = source.normal(size=(20, 3))
-    found = enu_from_flu(q_frame_from_body, frame, axes)
-    for q, expected, vector in zip(found, q_frame_from_body, in_body, strict=True):
+    result = enu_from_flu(q_frame_from_body, frame, axes)
+    for q, expected, vector in zip(result, q_frame_from_body, in_body, strict=True):
         in_frame = matrix(expected) @ vector
         in_enu = world_vectors(in_frame[None], frame)[0]
         assert in_enu == pytest.approx(FRAMES[frame] @ in_frame)

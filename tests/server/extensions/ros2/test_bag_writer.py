@@ -56,11 +56,11 @@ def imx(tmp_path_factory: pytest.TempPathFactory) -> imuscope.Recording:
 
 def messages(bag: Path) -> dict[str, list[tuple[int, Any]]]:
     """Topic → (time of the bag, message)."""
-    found: dict[str, list[tuple[int, Any]]] = {}
+    results: dict[str, list[tuple[int, Any]]] = {}
     with AnyReader([bag]) as reader:
         for connection, time, data in reader.messages():
-            found.setdefault(connection.topic, []).append((time, reader.deserialize(data, connection.msgtype)))
-    return found
+            results.setdefault(connection.topic, []).append((time, reader.deserialize(data, connection.msgtype)))
+    return results
 
 
 def stamp(time: Any) -> int:
@@ -74,22 +74,22 @@ def vectors(some: list[tuple[int, Any]], name: str) -> np.ndarray[Any, Any]:
 @each_row("suffix", [FORMATS[name].suffix for name in BAGS])
 def test_rosbags_reads_every_sample(mti: imuscope.Recording, suffix: str, tmp_path: Path) -> None:
     [bag] = mti.export(tmp_path / f"drive{suffix}")
-    found = messages(bag)
+    results = messages(bag)
     turn, acceleration, attitude = (mti[name] for name in ("RateOfTurn", "Acceleration", "Quaternion"))
-    imus = found["/mti_630/imu/data"]
+    imus = results["/mti_630/imu/data"]
     assert [stamp(one.header.stamp) for _, one in imus] == stamps(attitude.arrival, attitude.time).tolist()
     assert [time for time, _ in imus] == stamps(attitude.arrival, attitude.arrival).tolist()
     scale = np.pi / 180
     np.testing.assert_array_equal(vectors(imus, "angular_velocity"), turn.values.astype(float) * scale)
     np.testing.assert_array_equal(vectors(imus, "linear_acceleration"), acceleration.values)
     np.testing.assert_allclose([one.orientation.w for _, one in imus], attitude.column("w"), atol=1e-6)
-    raw = found["/mti_630/imu/data_raw"]
+    raw = results["/mti_630/imu/data_raw"]
     assert {one.orientation_covariance[0] for _, one in raw} == {-1.0}
     assert {one.header.frame_id for _, one in raw} == {"mti_630"}
     assert all(one.angular_velocity_covariance[0] > 0 for _, one in imus)  # of the data sheet
-    pressure = [one.fluid_pressure for _, one in found["/mti_630/pressure"]]
+    pressure = [one.fluid_pressure for _, one in results["/mti_630/pressure"]]
     np.testing.assert_array_equal(pressure, mti["BaroPressure"].values)
-    assert "/tf" not in found
+    assert "/tf" not in results
     about = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     left_out = about["custom_data"]["imuscope.left_out"]
     assert "MTData2/StatusWord" in left_out
@@ -145,11 +145,11 @@ def test_a_bag_is_downloaded_as_a_zip(tmp_path: Path) -> None:
 
 def test_axes_are_those_of_ros_and_clocks_are_references_of_time(imx: imuscope.Recording, tmp_path: Path) -> None:
     [bag] = imx.export(tmp_path / "drive.rosbag2")
-    found = messages(bag)
-    raw = found["/imx_5/imu/data_raw"]
+    result = messages(bag)
+    raw = result["/imx_5/imu/data_raw"]
     acceleration = imx["DID_IMU.I.acc"]
     np.testing.assert_array_equal(vectors(raw, "linear_acceleration"), acceleration.values * FLIP)
-    clocks = found["/imx_5/clock/did_imu"]
+    clocks = result["/imx_5/clock/did_imu"]
     assert len(clocks) == len(acceleration)
     assert {one.source for _, one in clocks} == {"DID_IMU.time"}
     apart = np.array([stamp(one.header.stamp) - stamp(one.time_ref) for _, one in clocks])

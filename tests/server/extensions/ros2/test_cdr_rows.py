@@ -23,19 +23,19 @@ TYPES = [
 
 def numbers(type_name: str, path: str = "", lengths: dict[str, int] | None = None) -> dict[str, tuple[str, int | None]]:
     """Every number of a message by its path, from the definition: its type, and its length if it is an array."""
-    found: dict[str, tuple[str, int | None]] = {}
+    results: dict[str, tuple[str, int | None]] = {}
     for name, inner, count in type_support.fields_of(type_name):
         place = f"{path}.{name}" if path else name
         if inner == "string":
             continue
         if "/" not in inner:
-            found[place] = (inner, count)
+            results[place] = (inner, count)
         elif count == -1:
             for number in range((lengths or {}).get(place, 0)):
-                found |= numbers(inner, f"{place}.{number}", lengths)
+                results |= numbers(inner, f"{place}.{number}", lengths)
         else:
-            found |= numbers(inner, place, lengths)
-    return found
+            results |= numbers(inner, place, lengths)
+    return results
 
 
 def value_at(message: Any, path: str) -> Any:

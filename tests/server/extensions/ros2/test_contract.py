@@ -41,25 +41,27 @@ def contract(folder: Path, began: float = 0.0) -> Contract:
         (None, "/imu/imu/data is not announced."),
     ],
 )
-def test_a_breach_is_told_once_and_so_is_its_end(changes: dict[str, Any] | None, words: str, tmp_path: Path) -> None:
-    kept, now = contract(tmp_path), START_S + 1
+def test_a_breach_is_reported_once_and_so_is_its_end(
+    changes: dict[str, Any] | None, words: str, tmp_path: Path
+) -> None:
+    stored, now = contract(tmp_path), START_S + 1
     rows = [] if changes is None else [AS_AGREED | changes]
-    assert list(kept.check([AS_AGREED], now)) == []
-    assert list(kept.check(rows, now)) == []  # for a moment
-    ((text, is_breach),) = kept.check(rows, now + LASTS_S)
+    assert list(stored.check([AS_AGREED], now)) == []
+    assert list(stored.check(rows, now)) == []  # for a moment
+    ((text, is_breach),) = stored.check(rows, now + LASTS_S)
     assert words in text
     assert is_breach
-    assert list(kept.broken) == ["/imu/imu/data"]
-    assert list(kept.check(rows, now + LASTS_S + 1)) == []
-    ((text, is_breach),) = kept.check([AS_AGREED], now + LASTS_S + 2)
-    assert (text, is_breach, kept.broken) == ("/imu/imu/data is as agreed again.", False, {})
+    assert list(stored.broken) == ["/imu/imu/data"]
+    assert list(stored.check(rows, now + LASTS_S + 1)) == []
+    ((text, is_breach),) = stored.check([AS_AGREED], now + LASTS_S + 2)
+    assert (text, is_breach, stored.broken) == ("/imu/imu/data is as agreed again.", False, {})
 
 
 def test_a_robot_that_starts_has_time_and_a_topic_without_subscribers_no_rate(tmp_path: Path) -> None:
-    kept = contract(tmp_path, began=100.0)
-    assert list(kept.check([], 100.0)) == []
-    assert list(kept.check([], 100.0 + START_S - 0.1)) == []
-    assert len(list(kept.check([], 100.0 + START_S))) == 1
+    stored = contract(tmp_path, began=100.0)
+    assert list(stored.check([], 100.0)) == []
+    assert list(stored.check([], 100.0 + START_S - 0.1)) == []
+    assert len(list(stored.check([], 100.0 + START_S))) == 1
     silent = contract(tmp_path)
     assert list(silent.check([AS_AGREED | {"rate": 0.0, "subscribers": 0}], 100.0)) == []
     assert list(silent.check([AS_AGREED | {"rate": 0.0, "subscribers": 0}], 200.0)) == []

@@ -39,7 +39,7 @@ def status_of(device: dict[str, Any], health: dict[str, Any] | None, last: Diagn
     return status
 
 
-def test_a_live_device_is_ok_and_tells_how_well_its_clock_is_known() -> None:
+def test_a_live_device_is_ok_and_reports_how_well_its_clock_is_known() -> None:
     status = status_of(DEVICE, HEALTH, DiagnosticCounts(lost=3))
     values = {one.key: one.value for one in status.values}
     assert (status.level, status.name, status.hardware_id) == (0, "imuscope: mti_630", "42")

@@ -75,11 +75,11 @@ def test_an_attitude_of_another_message_waits_for_the_same_time() -> None:
     q = ([1.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
     first = [frame(3, [0.00, 0.01], *q), frame(1, [0.0], [10], [0], [0]), frame(2, [0.0], [1], [0], [0])]
     second = [frame(1, [0.01], [20], [0], [0]), frame(2, [0.01], [2], [0], [0])]
-    found = built("imu/data", channels, first, second)
-    assert [stamp(one) for one in found] == pytest.approx([0.0, 0.01], abs=1e-6)
-    assert [one.linear_acceleration.x for one in found] == [1, 2]
-    assert [one.angular_velocity.x for one in found] == pytest.approx([math.radians(10), math.radians(20)])
-    assert [one.orientation.w for one in found] == [1, 1]
+    results = built("imu/data", channels, first, second)
+    assert [stamp(one) for one in results] == pytest.approx([0.0, 0.01], abs=1e-6)
+    assert [one.linear_acceleration.x for one in results] == [1, 2]
+    assert [one.angular_velocity.x for one in results] == pytest.approx([math.radians(10), math.radians(20)])
+    assert [one.orientation.w for one in results] == [1, 1]
 
 
 def test_rows_do_not_wait_for_a_channel_that_has_stopped() -> None:
@@ -88,12 +88,12 @@ def test_rows_do_not_wait_for_a_channel_that_has_stopped() -> None:
     attitudes = frame(3, times.tolist(), ones, zeros, zeros, zeros)
     samples = [attitudes, frame(2, [0.0], [1], [0], [9.8])]
     noise = SensorProperties(acceleration=0.01)
-    found = built("imu/data", [TURN, ACCELERATION, QUATERNION], samples, noise=noise)
-    assert len(found) > 90
-    assert found[0].linear_acceleration.z == 9.8
-    assert found[0].linear_acceleration_covariance[0] > 0
-    assert found[-1].linear_acceleration_covariance[0] == -1  # too old to be true
-    assert found[0].angular_velocity_covariance[0] == -1  # never received
+    results = built("imu/data", [TURN, ACCELERATION, QUATERNION], samples, noise=noise)
+    assert len(results) > 90
+    assert results[0].linear_acceleration.z == 9.8
+    assert results[0].linear_acceleration_covariance[0] > 0
+    assert results[-1].linear_acceleration_covariance[0] == -1  # too old to be true
+    assert results[0].angular_velocity_covariance[0] == -1  # never received
 
 
 def test_invalid_attitudes_are_left_out() -> None:
@@ -136,7 +136,7 @@ def test_a_fix_has_the_accuracy_that_the_device_reports() -> None:
     assert none.status.status == -1
 
 
-def test_a_fix_without_height_and_accuracy_says_so() -> None:
+def test_a_fix_without_height_and_accuracy_states_it() -> None:
     channel = info(4, "Latitude, longitude", {"lat": "°", "lon": "°"})
     (fix,) = built("gnss/fix", [channel], [frame(4, [0.0, 1.0], [48.1, 0.0], [11.5, 0.0])])
     assert math.isnan(fix.altitude)

@@ -89,8 +89,8 @@ def test_nothing_is_offered_without_accuracies_or_in_the_axes_of_the_device() ->
     axes = FrameNames("imu0", "map", rep103=False)
     assert not {"twist", "odometry"} & builders_of(quantities, axes, SensorProperties()).keys()
     assert {"twist", "odometry"} <= builders_of(quantities, FRAMES, SensorProperties()).keys()
-    given = noise_of("velocity=0.1", SensorProperties())
-    (twist,) = built("twist", [velocity], [frame(7, [0.0], [1], [2], [3])], noise=given)
+    source = noise_of("velocity=0.1", SensorProperties())
+    (twist,) = built("twist", [velocity], [frame(7, [0.0], [1], [2], [3])], noise=source)
     assert twist.twist.covariance[0] == pytest.approx(0.01)
 
 

@@ -56,8 +56,8 @@ def published(router: zenoh.Session, port: int, tmp_path_factory: pytest.TempPat
 
 
 def state_of(server: ServerProcess) -> dict[str, Any]:
-    found: dict[str, Any] = get(f"{server.url}/api/ros2").json()
-    return found
+    answer: dict[str, Any] = get(f"{server.url}/api/ros2").json()
+    return answer
 
 
 def switched(server: ServerProcess, key: str, *, enabled: bool) -> httpx.Response:
@@ -76,18 +76,18 @@ def has_topic(server: ServerProcess, name: str) -> bool:
 @contextmanager
 def received(session: zenoh.Session, key: str = "7/**") -> Iterator[dict[str, list[tuple[Any, Attachment]]]]:
     """Messages by topic, each with its attachment."""
-    found: dict[str, list[tuple[Any, Attachment]]] = defaultdict(list)
+    result: dict[str, list[tuple[Any, Attachment]]] = defaultdict(list)
 
     def on_sample(sample: zenoh.Sample) -> None:
         _, topic, type_name, type_hash = parse_topic_key(str(sample.key_expr))
         assert type_hash == type_support.type_hash(type_name)
         assert sample.attachment is not None
         message = deserialize(bytes(sample.payload), type_name)
-        found[topic].append((message, Attachment.decode(bytes(sample.attachment))))
+        result[topic].append((message, Attachment.decode(bytes(sample.attachment))))
 
     subscriber = session.declare_subscriber(key, on_sample)
     try:
-        yield found
+        yield result
     finally:
         subscriber.undeclare()
 
@@ -159,10 +159,10 @@ def test_a_topic_is_listed_as_soon_as_it_is_announced(router: zenoh.Session, por
 
 
 def test_messages_have_values_stamps_and_numbers(router: zenoh.Session, published: ServerProcess) -> None:
-    with received(router) as found:
-        block_until(lambda: len(found[DATA]) >= 100 and len(found["/diagnostics"]) >= 1, "messages come")
+    with received(router) as results:
+        block_until(lambda: len(results[DATA]) >= 100 and len(results["/diagnostics"]) >= 1, "messages come")
     tokens = {one.topic: one.token for one in map(parse_token, announced(router)) if isinstance(one, RosEndpoint)}
-    messages, attachments = zip(*found[DATA][-100:], strict=True)
+    messages, attachments = zip(*results[DATA][-100:], strict=True)
     stamps = np.array([one.header.stamp.sec + one.header.stamp.nanosec / 1e9 for one in messages])
     assert np.diff(stamps) == pytest.approx(0.01, abs=0.003)
     assert abs(stamps[-1] - time.time()) < 20
@@ -174,7 +174,7 @@ def test_messages_have_values_stamps_and_numbers(router: zenoh.Session, publishe
     lengths = [np.linalg.norm([a.x, a.y, a.z]) for a in (one.linear_acceleration for one in messages)]
     assert np.mean(lengths) == pytest.approx(9.81, abs=1.5)
     assert all(message.header.frame_id == "imu" for message in messages)
-    (status,) = found["/diagnostics"][0][0].status
+    (status,) = results["/diagnostics"][0][0].status
     assert status.name == "imuscope: imu"
     assert float({one.key: one.value for one in status.values}["stamp_uncertainty_ms"]) > 0
 
@@ -183,8 +183,8 @@ def test_nothing_is_made_for_a_topic_without_subscribers(router: zenoh.Session, 
     raw = f"{DATA}_raw"
     block_until(lambda: topics_of(published)[raw]["subscribers"] == 0, "no subscribers are left")
     before = topics_of(published)
-    with received(router, f"7{DATA}/**") as found:
-        block_until(lambda: len(found[DATA]) >= 20, "messages come")
+    with received(router, f"7{DATA}/**") as result:
+        block_until(lambda: len(result[DATA]) >= 20, "messages come")
         block_until(lambda: topics_of(published)[DATA]["messages"] > before[DATA]["messages"], "they are counted")
         block_until(lambda: topics_of(published)[DATA]["rate"] > 50, "their rate is counted")
         after = topics_of(published)
@@ -239,8 +239,8 @@ def test_it_comes_back_after_a_crash(router: zenoh.Session, published: ServerPro
     (worker,) = workers_of(published.process.pid, MODULE)
     os.kill(worker, signal.SIGKILL)
     block_until(lambda: (now := announced(router)) and not set(now) & set(before), "it is announced anew")
-    with received(router) as found:
-        block_until(lambda: len(found[DATA]) > 20, "messages come again")
+    with received(router) as result:
+        block_until(lambda: len(result[DATA]) > 20, "messages come again")
 
 
 def test_an_absent_router_is_reported_and_found_later(tmp_path: Path) -> None:
@@ -256,8 +256,8 @@ def test_an_absent_router_is_reported_and_found_later(tmp_path: Path) -> None:
                 block_until(lambda: state_of(server)["connected"], "it is found")
                 block_until(lambda hub=hub: len(announced(hub)) >= 4, "the device is announced")
                 assert state_of(server)["problem"] == ""
-                with received(hub, "0/**") as found:
-                    block_until(lambda found=found: sum(map(len, found.values())) > 10, "messages come")
+                with received(hub, "0/**") as result:
+                    block_until(lambda result=result: sum(map(len, result.values())) > 10, "messages come")
             block_until(lambda: "is gone" in state_of(server)["problem"], "its end is reported")
 
 
@@ -275,7 +275,7 @@ def test_a_removed_device_leaves_the_graph(tmp_path: Path) -> None:
         assert any("%imu_2%imu%" in token for token in announced(hub))
 
 
-def test_what_is_no_router_is_told_from_none(tmp_path: Path) -> None:
+def test_what_is_no_router_is_distinguished_from_none(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         address = f"tcp/127.0.0.1:{other.getsockname()[1]}"
         with ServerProcess(f"sim:idtp?{SLOW}", data=tmp_path, arguments=("--ros2", "--ros2-router", address)) as server:
@@ -298,11 +298,11 @@ def test_namespace_frames_axes_and_transforms_are_settings(tmp_path: Path) -> No
     ):
         block_until(lambda: any("%tf/" in token for token in announced(hub)), "the device is announced")
         assert all(token.endswith("/2::,5:,:,:,,") for token in announced(hub) if "/MP/" in token)
-        with received(hub, "0/**") as found:
-            block_until(lambda: found["/tf"] and found["/robot/imu/imu/data_raw"], "messages come")
-    (transform,) = found["/tf"][-1][0].transforms
+        with received(hub, "0/**") as result:
+            block_until(lambda: result["/tf"] and result["/robot/imu/imu/data_raw"], "messages come")
+    (transform,) = result["/tf"][-1][0].transforms
     assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "imu_link")
-    message = found["/robot/imu/imu/data_raw"][-1][0]
+    message = result["/robot/imu/imu/data_raw"][-1][0]
     assert message.header.frame_id == "imu_link"
     assert message.linear_acceleration.z < -7  # as the device sends it: z is down
 
@@ -323,7 +323,7 @@ def test_without_the_option_nothing_is_published(server: ServerProcess) -> None:
     ],
 )
 def test_invalid_settings_are_one_line(arguments: tuple[str, ...], words: str) -> None:
-    said = imuscope("serve", "--ros2", *arguments)
-    assert said.returncode == 1
-    assert words in said.stderr
-    assert len(said.stderr.splitlines()) == 1
+    message = imuscope("serve", "--ros2", *arguments)
+    assert message.returncode == 1
+    assert words in message.stderr
+    assert len(message.stderr.splitlines()) == 1

@@ -20,10 +20,10 @@ from imuscope.server.streaming.telemetry import Telemetry
 from tests.support.each_row import each_row
 
 
-def names_of(folder: Path, *sources: str, given: dict[str, str] | None = None) -> list[str]:
+def names_of(folder: Path, *sources: str, original: dict[str, str] | None = None) -> list[str]:
     """The topics of sources that a server opens in this order; their ids are their places in it."""
     names = DeviceNames(folder)
-    names.give_topics(given or {})
+    names.give_topics(original or {})
     return [names.topic_of(str(number), source) for number, source in enumerate(sources, 1)]
 
 

@@ -56,13 +56,13 @@ class DevicePort:
 
 def read_exactly(fd: int, size: int) -> bytes:
     """`size` bytes, or what came within the patience of a test."""
-    found = b""
-    while len(found) < size and select.select((fd,), (), (), PATIENCE_S)[0]:
+    data = b""
+    while len(data) < size and select.select((fd,), (), (), PATIENCE_S)[0]:
         try:
-            found += os.read(fd, size - len(found))
+            data += os.read(fd, size - len(data))
         except OSError:
             break
-    return found
+    return data
 
 
 def locks() -> str:
@@ -136,27 +136,27 @@ def set_rate(terminal: int, rate: int) -> None:
 
 async def received(link: SharedPortLink, size: int) -> bytes:
     """Bytes of the device, as the link gives them."""
-    found = b""
-    while len(found) < size:
+    result = b""
+    while len(result) < size:
         chunks = await asyncio.wait_for(link.read(), PATIENCE_S)
-        found += b"".join(chunk.data for chunk in chunks)
-    return found
+        result += b"".join(chunk.data for chunk in chunks)
+    return result
 
 
 async def eventually(condition: Callable[[], Any], link: SharedPortLink) -> Any:
     """What a condition gives when it is true; the link is read meanwhile by nobody."""
-    found: list[Any] = [None]
+    results: list[Any] = [None]
 
-    def look() -> Any:
-        found[0] = condition()
-        return found[0]
+    def check() -> Any:
+        results[0] = condition()
+        return results[0]
 
     try:
-        await until(look, "what the link is to have come to")
+        await until(check, "what the link is to have come to")
     except AssertionError as error:
         error.add_note(str(link.state))
         raise
-    return found[0]
+    return results[0]
 
 
 def clients(link: SharedPortLink) -> list[dict[str, Any]]:

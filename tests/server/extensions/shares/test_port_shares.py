@@ -84,7 +84,7 @@ def simulator() -> Iterator[SimulatorThread]:
     thread.stop()
 
 
-def ask(server: ServerProcess, path: str, body: Any = None, method: str = "") -> Any:
+def send_request(server: ServerProcess, path: str, body: Any = None, method: str = "") -> Any:
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(
         f"{server.url}/api/devices/1{path}", data, {"content-type": "application/json"}, method=method or None
@@ -99,7 +99,7 @@ def ask(server: ServerProcess, path: str, body: Any = None, method: str = "") ->
 
 def refusal(server: ServerProcess, path: str, body: Any = None, method: str = "") -> Any:
     with pytest.raises(urllib.error.HTTPError) as raised:
-        ask(server, path, body, method)
+        send_request(server, path, body, method)
     with raised.value as answer:
         return json.load(answer)
 
@@ -110,7 +110,7 @@ def is_live(server: ServerProcess) -> bool:
 
 
 def first_client(server: ServerProcess) -> Any:
-    return next((one for share in ask(server, "/shares")["shares"] for one in share["clients"]), None)
+    return next((one for share in send_request(server, "/shares")["shares"] for one in share["clients"]), None)
 
 
 def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
@@ -125,14 +125,15 @@ def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
         block_until(lambda: driver.samples > 20, "samples at the driver")
         os.write(driver.fd, REQUEST_ID)
         entry = block_until(
-            lambda: next((one for one in ask(server, "/traffic") if one["name"] == "ReqDID"), None),
+            lambda: next((one for one in send_request(server, "/traffic") if one["name"] == "ReqDID"), None),
             "the request of the driver in the traffic log",
         )
         assert entry["direction"] == "tx"
         assert entry["text"] == first_client(server)["name"]
-        job = ask(server, "/read", {})
+        job = send_request(server, "/read", {})
         done = block_until(
-            lambda: next((one for one in ask(server, "/jobs")["done"] if one["id"] == job["id"]), None), "the settings"
+            lambda: next((one for one in send_request(server, "/jobs")["done"] if one["id"] == job["id"]), None),
+            "the settings",
         )
         assert done["state"] == "done", done
         assert not driver.faults, "what it reads is the stream of the device, all of it"
@@ -145,7 +146,7 @@ def test_a_driver_goes_on_while_the_server_configures_dies_and_returns(
         block_until(lambda: is_live(server), "the device at the new server")
         assert first_client(server)["peer"] == str(path), "the holder was found again"
         assert not driver.faults
-        ask(server, f"/shares?name={urllib.parse.quote(str(path))}", method="DELETE")
+        send_request(server, f"/shares?name={urllib.parse.quote(str(path))}", method="DELETE")
         block_until(lambda: driver.faults, "the driver finds its port gone")
         assert driver.faults == ["hung up"]
         assert not os.path.lexists(path)
@@ -170,22 +171,28 @@ def test_nothing_is_sent_unasked_while_a_driver_uses_the_device(simulator: Simul
         block_until(lambda: is_live(server) and first_client(server), "a live device")
         # A client is named after its process a moment after its first bytes, and after the port until then.
         block_until(lambda: f"(process {os.getpid()})" in first_client(server)["name"], "the driver's name")
-        kept = tmp_path / "data" / "recordings"
-        block_until(lambda: any(file.stat().st_size > 2000 for file in kept.glob("*.mcap")), "the recording")
+        place = tmp_path / "data" / "recordings"
+        block_until(lambda: any(file.stat().st_size > 2000 for file in place.glob("*.mcap")), "the recording")
         record(server)
         assert sent_by_imuscope(server) == []
         assert not driver.faults
         driver.stop()
         block_until(lambda: not first_client(server), "the end of the driver")
-        job = ask(server, "/read", {})  # asked for
-        block_until(lambda: any(one["id"] == job["id"] for one in ask(server, "/jobs")["done"]), "the settings")
+        job = send_request(server, "/read", {})  # asked for
+        block_until(
+            lambda: any(one["id"] == job["id"] for one in send_request(server, "/jobs")["done"]), "the settings"
+        )
         assert sent_by_imuscope(server)
 
 
 def sent_by_imuscope(server: ServerProcess) -> list[str]:
     """Names of the messages to the device that no client has sent."""
-    clients = {one["name"] for share in ask(server, "/shares")["shares"] for one in share["clients"]}
-    return [one["name"] for one in ask(server, "/traffic") if one["direction"] == "tx" and one["text"] not in clients]
+    clients = {one["name"] for share in send_request(server, "/shares")["shares"] for one in share["clients"]}
+    return [
+        one["name"]
+        for one in send_request(server, "/traffic")
+        if one["direction"] == "tx" and one["text"] not in clients
+    ]
 
 
 def record(server: ServerProcess) -> None:
@@ -203,35 +210,40 @@ def test_a_port_is_shared_from_the_page_and_the_device_keeps_its_history(
     path = runtime / "imuscope" / "imu0"
     with ServerProcess(f"{simulator.slave}?baud=115200", data=tmp_path / "data") as server:
         block_until(lambda: is_live(server), "a live device")
-        found = ask(server, "/shares")
-        assert (found["why_not"], found["folder"], found["holder"], found["shares"]) == ("", str(path.parent), 0, [])
-        told = refusal(server, "/shares", {"address": str(tmp_path / "imu0")})
-        assert told["kind"] == "file-not-allowed"
-        assert str(path.parent) in told["message"]
+        result = send_request(server, "/shares")
+        assert (result["why_not"], result["folder"], result["holder"], result["shares"]) == (
+            "",
+            str(path.parent),
+            0,
+            [],
+        )
+        report = refusal(server, "/shares", {"address": str(tmp_path / "imu0")})
+        assert report["kind"] == "file-not-allowed"
+        assert str(path.parent) in report["message"]
         assert refusal(server, "/shares", {"address": "imu0"})["kind"] == "bad-value"
-        with socket.create_server(("127.0.0.1", 0)) as taken:
-            told = refusal(server, "/shares", {"address": f"tcp://127.0.0.1:{taken.getsockname()[1]}"})
-        assert "address already in use" in told["message"]
-        assert ask(server, "/shares")["shares"] == []
+        with socket.create_server(("127.0.0.1", 0)) as busy:
+            report = refusal(server, "/shares", {"address": f"tcp://127.0.0.1:{busy.getsockname()[1]}"})
+        assert "address already in use" in report["message"]
+        assert send_request(server, "/shares")["shares"] == []
         block_until(lambda: is_live(server), "a live device on its own link")
-        ask(server, "/shares", {"address": str(path)})
+        send_request(server, "/shares", {"address": str(path)})
         assert path.exists()
         block_until(lambda: is_live(server), "a live device again")
         driver = Driver(path)
         client = block_until(lambda: first_client(server), "the driver")
         block_until(lambda: driver.samples > 20, "samples at the driver")
         assert refusal(server, f"/shares/clients/{client['number'] + 1}", method="DELETE")["kind"] == "not-found"
-        ask(server, f"/shares/clients/{client['number']}", method="DELETE")
+        send_request(server, f"/shares/clients/{client['number']}", method="DELETE")
         block_until(lambda: driver.faults, "the driver was disconnected")
         driver.stop()
         assert refusal(server, "/shares?name=tcp://x", method="DELETE")["kind"] == "not-found"
-        ask(server, f"/shares?name={urllib.parse.quote(str(path))}", method="DELETE")
-        assert ask(server, "/shares")["shares"] == []
+        send_request(server, f"/shares?name={urllib.parse.quote(str(path))}", method="DELETE")
+        assert send_request(server, "/shares")["shares"] == []
 
 
 def test_only_ports_can_be_shared(tmp_path: Path) -> None:
     with ServerProcess("sim:xbus?rate=10", data=tmp_path) as server:
-        assert "has no port that can be shared" in ask(server, "/shares")["why_not"]
+        assert "has no port that can be shared" in send_request(server, "/shares")["why_not"]
         assert refusal(server, "/shares", {"address": "tcp://127.0.0.1:4001"})["kind"] == "not-now"
 
 
@@ -257,8 +269,8 @@ def test_shares_follow_their_source_on_the_command_line() -> None:
     options = parse(
         ["serve", "/dev/a", "--share", "/run/a", "--record", "/dev/b", "--share=/run/b", "--share", "/run/c"]
     )
-    found = ShareSettings.from_options(options)["shares"]
-    assert found == {"/dev/a": ["/run/a"], "/dev/b": ["/run/b", "/run/c"]}
+    result = ShareSettings.from_options(options)["shares"]
+    assert result == {"/dev/a": ["/run/a"], "/dev/b": ["/run/b", "/run/c"]}
 
 
 def test_a_holder_of_its_own_is_found_by_a_server(simulator: SimulatorThread, tmp_path: Path) -> None:
@@ -270,7 +282,7 @@ def test_a_holder_of_its_own_is_found_by_a_server(simulator: SimulatorThread, tm
         block_until(lambda: driver.samples > 20, "samples at the driver")
         with ServerProcess(source, data=tmp_path / "data") as server:
             block_until(lambda: is_live(server), "a live device")
-            assert [one["name"] for one in ask(server, "/shares")["shares"]] == [str(path)]
+            assert [one["name"] for one in send_request(server, "/shares")["shares"]] == [str(path)]
         before = driver.samples
         block_until(lambda: driver.samples > before + 50, "samples at the driver after the server")
         assert not driver.faults
@@ -289,31 +301,36 @@ def test_what_a_client_configures_is_shown_and_kept(simulator: SimulatorThread, 
     outputs = [{"data_identifier": 0x2010, "output_frequency": 50}]
     with ServerProcess(source, data=tmp_path / "data", arguments=("--share", str(path))) as server:
         block_until(lambda: is_live(server), "a live device")
-        job = ask(server, "/read", {})
-        block_until(lambda: any(one["id"] == job["id"] for one in ask(server, "/jobs")["done"]), "the settings")
+        job = send_request(server, "/read", {})
+        block_until(
+            lambda: any(one["id"] == job["id"] for one in send_request(server, "/jobs")["done"]), "the settings"
+        )
         driver = Driver(path)
         block_until(lambda: driver.samples > 20, "samples at the driver")
         client = first_client(server)
         os.write(driver.fd, driver_of.frame("GoToConfig", {}, known))
-        block_until(lambda: ask(server, "/shares")["configuring"], "a configuration")
-        assert ask(server, "/shares")["speaker"] == client["name"]
-        asked = refusal(server, "/shares/take-over", {})
-        assert asked["kind"] == "confirm"
-        assert asked["message"].startswith(f"{client['name']} is configuring the device and has not finished")
-        block_until(lambda: "GoToConfigAck" in {one["name"] for one in ask(server, "/traffic")}, "the config state")
+        block_until(lambda: send_request(server, "/shares")["configuring"], "a configuration")
+        assert send_request(server, "/shares")["speaker"] == client["name"]
+        request = refusal(server, "/shares/take-over", {})
+        assert request["kind"] == "confirm"
+        assert request["message"].startswith(f"{client['name']} is configuring the device and has not finished")
+        block_until(
+            lambda: "GoToConfigAck" in {one["name"] for one in send_request(server, "/traffic")}, "the config state"
+        )
         os.write(driver.fd, driver_of.frame("SetOutputConfiguration", {"outputs": outputs}, known))
         block_until(
-            lambda: "SetOutputConfigurationAck" in {one["name"] for one in ask(server, "/traffic")}, "an answer"
+            lambda: "SetOutputConfigurationAck" in {one["name"] for one in send_request(server, "/traffic")},
+            "an answer",
         )
         os.write(driver.fd, driver_of.frame("GoToMeasurement", {}, known))
-        change = block_until(lambda: ask(server, "/shares")["changes"], "what it changed")[0]
+        change = block_until(lambda: send_request(server, "/shares")["changes"], "what it changed")[0]
         assert change["client"] == client["name"]
         assert {"title": "Quaternion", "unit": "", "before": "100 Hz", "after": "50 Hz"} in [
             {**row, "title": row["title"].partition(",")[0]} for row in change["rows"]
         ], change
-        (entry,) = [one for one in ask(server, "/snapshots") if one["name"] == change["snapshot"]]
+        (entry,) = [one for one in send_request(server, "/snapshots") if one["name"] == change["snapshot"]]
         assert client["name"] in entry["reason"]
-        assert ask(server, "/shares")["configuring"] is False
+        assert send_request(server, "/shares")["configuring"] is False
         driver.stop()
 
 

@@ -119,8 +119,8 @@ async def test_a_program_that_opens_its_terminal_again_misses_nothing_after_its_
                 driver = opened(tmp_path / "imu0")
                 lines = (await asyncio.to_thread(read_exactly, driver, 200)).split(b"\n")[1:-1]
                 os.close(driver)
-                heard = [int(line) for line in lines]
-                assert heard == list(range(heard[0], heard[0] + len(heard)))
+                outcome = [int(line) for line in lines]
+                assert outcome == list(range(outcome[0], outcome[0] + len(outcome)))
         finally:
             ended.set()
             speaker.join()
@@ -183,15 +183,15 @@ async def test_a_second_server_is_refused_and_the_first_goes_on(port: DevicePort
     await eventually(lambda: not is_held(second.inner), link)
 
 
-async def test_what_a_client_sends_is_told_with_its_time_and_name(port: DevicePort, tmp_path: Path) -> None:
+async def test_what_a_client_sends_is_reported_with_its_time_and_name(port: DevicePort, tmp_path: Path) -> None:
     async with driven(port, tmp_path / "imu0") as (link, driver):
-        told: list[ClientData] = []
-        link.on_client_data.add(told.append)
+        messages: list[ClientData] = []
+        link.on_client_data.add(messages.append)
         before = link.settings.now_ns()
         os.write(driver, FRAME)
-        await eventually(lambda: told, link)
-        assert (told[0].data, told[0].peer) == (FRAME, str(tmp_path / "imu0"))
-        assert before <= told[0].arrival_ns <= link.settings.now_ns()
+        await eventually(lambda: messages, link)
+        assert (messages[0].data, messages[0].peer) == (FRAME, str(tmp_path / "imu0"))
+        assert before <= messages[0].arrival_ns <= link.settings.now_ns()
 
 
 async def test_the_server_waits_for_a_client_that_talks_and_clients_for_the_server(
@@ -220,10 +220,10 @@ async def test_a_write_that_waited_has_the_time_at_which_it_was_written(port: De
     async with driven(port, tmp_path / "imu0") as (link, driver):
         os.write(driver, b"client")
         assert port.receive(6) == b"client"
-        asked_ns = link.settings.now_ns()
+        requested_ns = link.settings.now_ns()
         written_ns = await link.write(b"server")
         assert written_ns is not None
-        assert asked_ns + QUIET_S * 1e9 / 2 < written_ns <= link.settings.now_ns()
+        assert requested_ns + QUIET_S * 1e9 / 2 < written_ns <= link.settings.now_ns()
 
 
 async def test_a_client_that_sets_another_rate_takes_the_port_with_it(port: DevicePort, tmp_path: Path) -> None:
@@ -334,12 +334,12 @@ async def test_a_share_is_added_and_ended_while_the_port_is_read(port: DevicePor
         ("tcp://127.0.0.1:{taken}", "address already in use"),
     ],
 )
-def test_a_share_that_cannot_be_offered_says_why(tmp_path: Path, share: str, words: str) -> None:
+def test_a_share_that_cannot_be_offered_gives_the_reason(tmp_path: Path, share: str, words: str) -> None:
     port = DevicePort()  # of this row alone
     (tmp_path / "file").write_text("mine")
     try:
-        with socket.create_server(("127.0.0.1", 0)) as taken:
-            address = share.format(folder=tmp_path, taken=taken.getsockname()[1])
+        with socket.create_server(("127.0.0.1", 0)) as busy:
+            address = share.format(folder=tmp_path, taken=busy.getsockname()[1])
             link = link_to(port, address)
             with pytest.raises(LinkError) as raised:
                 asyncio.run(link.open())
@@ -403,7 +403,7 @@ async def test_a_request_is_answered_though_the_end_of_its_holder_is_noticed_fir
     await reading
 
 
-def test_a_runtime_folder_with_a_path_that_is_too_long_says_what_to_do(
+def test_a_runtime_folder_with_a_path_that_is_too_long_states_what_to_do(
     port: DevicePort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / ("long" * 20)))

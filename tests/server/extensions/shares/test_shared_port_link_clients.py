@@ -173,7 +173,7 @@ async def test_a_client_that_floods_is_held_to_the_line_and_takes_turns(port: De
 
     async with shared(port, str(tmp_path / "imu0"), f"tcp://127.0.0.1:{number}") as link:
         driver = await joined(link, tmp_path / "imu0")
-        stop, taken = threading.Event(), bytearray()
+        stop, batch = threading.Event(), bytearray()
 
         def flood() -> None:
             while not stop.is_set():
@@ -184,7 +184,7 @@ async def test_a_client_that_floods_is_held_to_the_line_and_takes_turns(port: De
         def device() -> None:
             while not stop.is_set():
                 if not port.is_quiet():
-                    taken.extend(port.receive(1))
+                    batch.extend(port.receive(1))
                 else:
                     select.select((), (), (), 0.001)
 
@@ -197,9 +197,9 @@ async def test_a_client_that_floods_is_held_to_the_line_and_takes_turns(port: De
                 await eventually(lambda: any(one["limited"] for one in clients(link)), link)
                 other.sendall(b"OTHER")
                 await link.write(b"SERVER")
-                await eventually(lambda: b"SERVER" in taken and b"OTHER" in taken, link)
+                await eventually(lambda: b"SERVER" in batch and b"OTHER" in batch, link)
             elapsed = time.monotonic() - began
-            assert len(taken) < LINE * (elapsed + 1)
+            assert len(batch) < LINE * (elapsed + 1)
             assert clients(link)[0]["limited_s"] > 0
         finally:
             stop.set()
@@ -214,9 +214,9 @@ async def test_a_quiet_device_that_takes_slowly_what_is_written_is_not_taken_for
     """Room for more to write is no sign that there is something to read."""
     async with shared(port, str(tmp_path / "imu0")) as link:
         data = bytes(range(256)) * 512
-        found = asyncio.create_task(asyncio.to_thread(port.receive, len(data)))
+        result = asyncio.create_task(asyncio.to_thread(port.receive, len(data)))
         await link.write(data)
-        assert await found == data
+        assert await result == data
         assert link.state["open"]
 
 
@@ -237,10 +237,10 @@ async def test_the_server_has_its_turn_beside_a_client_that_never_pauses(port: D
         finally:
             stop.set()
             thread.join()
-        found = b""
-        while b"SERVER" not in found:
-            found += await asyncio.to_thread(port.receive, 1)
-        assert found.removesuffix(b"SERVER").replace(b"odometry", b"") == b""
+        data = b""
+        while b"SERVER" not in data:
+            data += await asyncio.to_thread(port.receive, 1)
+        assert data.removesuffix(b"SERVER").replace(b"odometry", b"") == b""
 
 
 async def test_a_rate_that_a_client_sets_while_it_waits_is_followed_after_what_it_sent(
@@ -319,7 +319,7 @@ raise SystemExit(main())
 """
 
 
-async def test_a_holder_that_fails_says_why_and_its_clients_see_an_unplugged_port(
+async def test_a_holder_that_fails_gives_the_reason_and_its_clients_see_an_unplugged_port(
     port: DevicePort, tmp_path: Path
 ) -> None:
     link = link_to(port, str(tmp_path / "imu0"))
@@ -435,7 +435,9 @@ async def test_clients_that_neither_send_nor_read_give_way_to_those_that_come(po
             assert {1, 2, 17} <= {one["number"] for one in clients(link)}
 
 
-async def test_a_second_holder_of_a_port_says_so_without_a_number_of_an_error(port: DevicePort, tmp_path: Path) -> None:
+async def test_a_second_holder_of_a_port_states_it_without_a_number_of_an_error(
+    port: DevicePort, tmp_path: Path
+) -> None:
     async with in_process(port, str(tmp_path / "imu0")) as link:
         second = Holder(holder_settings(link.inner, [], stay=True))
         with pytest.raises(ShareError, match=r"^another holder has this port; end it first, or use its shares$"):

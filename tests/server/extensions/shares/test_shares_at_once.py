@@ -50,7 +50,7 @@ async def test_two_shares_that_are_added_at_once_are_both_offered(tmp_path: Path
         await until(lambda: session.info.is_open, "it is open")
 
 
-async def test_a_share_of_a_device_that_is_removed_meanwhile_is_refused(
+async def test_a_share_of_a_device_that_is_removed_in_the_meantime_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The request waited for a link that was never opened, until its client had enough."""
@@ -93,20 +93,20 @@ async def test_a_port_that_is_shared_again_and_again_keeps_nothing_of_earlier_sh
         assert not shares._partial
 
 
-async def test_a_program_that_comes_and_leaves_is_told_in_that_order(
+async def test_a_program_that_comes_and_leaves_is_reported_in_that_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It had left before its name was found, and the last line of the log said that it was connected."""
-    looked = threading.Event()
+    visited = threading.Event()
 
     def found_late(terminal: str) -> list[Program]:
-        assert looked.wait(PATIENCE_S)
+        assert visited.wait(PATIENCE_S)
         return [Program(1, "driver")]
 
     monkeypatch.setattr(port_shares, "programs_with", found_late)
     async with sharing(tmp_path) as (here, shares, session):
-        told: list[str] = []
-        here.telemetry.bus.events.subscribe(lambda event: told.append(event.text))
+        messages: list[str] = []
+        here.telemetry.bus.events.subscribe(lambda event: messages.append(event.text))
         await shares.add(session, f"{shares.folder}/one")
         link = session.access.link
         assert isinstance(link, SharedPortLink)
@@ -114,9 +114,9 @@ async def test_a_program_that_comes_and_leaves_is_told_in_that_order(
         await until(lambda: link.state["clients"], "it is there")
         os.close(driver)
         await until(lambda: not link.state["clients"], "it has left")
-        looked.set()
-        await until(lambda: sum("shared port" in text for text in told) == 2, "both are told")
-        assert [text for text in told if "shared port" in text] == [
+        visited.set()
+        await until(lambda: sum("shared port" in text for text in messages) == 2, "both are told")
+        assert [text for text in messages if "shared port" in text] == [
             "driver (process 1) is connected to the shared port and may write.",
             "driver (process 1) left the shared port.",
         ]

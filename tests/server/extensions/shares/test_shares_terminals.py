@@ -18,7 +18,7 @@ from imuscope.server.extensions.shares.holder.shares import ShareAddress
 from tests.server.extensions.shares.shared_port import DevicePort, opened
 from tests.support.each_row import each_row
 
-NOBODY = 65534
+POWERLESS = 65534
 
 
 @contextlib.contextmanager
@@ -26,7 +26,7 @@ def a_share(*, privileged: bool) -> Iterator[PtyShare]:
     """A share of a user with or without rights of the system's administrator, as far as those of the test go."""
     changes = os.geteuid() == 0 and not privileged
     if changes:
-        os.seteuid(NOBODY)
+        os.seteuid(POWERLESS)
     try:
         with tempfile.TemporaryDirectory() as folder:
             share = PtyShare(ShareAddress.parse(str(Path(folder) / "imu0")), itertools.count(1).__next__)

@@ -36,15 +36,15 @@ def test_motion_is_as_even_on_screen_as_it_was_in_the_device() -> None:
     playout, step = PlayoutBuffer(), 1 / MESSAGES_PER_S
     late = [0.0, 0.008, 0.003, 0.010, 0.001]  # messages that lie about for a while
     messages = [message(step * i, 0.0005, round(step / 0.0005)) for i in range(60)]
-    heard = [one.now - AHEAD + late[i % len(late)] for i, one in enumerate(messages)]
-    found: list[float] = []
+    received = [one.now - AHEAD + late[i % len(late)] for i, one in enumerate(messages)]
+    results: list[float] = []
     for tick in range(90):
         now = 0.1 + tick / 60
-        while heard[0] <= now:
-            playout.add(messages.pop(0), heard.pop(0))
-        found += shown(playout, now)
-    apart = np.diff(found)
-    assert len(found) > 80
+        while received[0] <= now:
+            playout.add(messages.pop(0), received.pop(0))
+        results += shown(playout, now)
+    apart = np.diff(results)
+    assert len(results) > 80
     assert float(np.max(np.abs(apart - 1 / 60))) < 0.002
 
 

@@ -39,9 +39,9 @@ def samples(
     return SampleFrame(number, 0, len(rows), 0, history, 0.0, [time, time, *columns])
 
 
-def look(*infos: dict[str, Any]) -> poses.DeviceView:
-    [found] = poses.device_views([{"id": "1", "name": "MTi"}], infos)
-    return found
+def view_of(*infos: dict[str, Any]) -> poses.DeviceView:
+    [result] = poses.device_views([{"id": "1", "name": "MTi"}], infos)
+    return result
 
 
 def turned(q: Q, v: Sequence[float]) -> list[float]:
@@ -61,8 +61,8 @@ ANGLE = st.floats(-179, 179)
 @given(ANGLE, st.floats(-88, 88), ANGLE)
 def test_angles_become_the_quaternion_that_has_these_angles(roll: float, pitch: float, yaw: float) -> None:
     q = of_euler(roll, pitch, yaw)
-    found = [float(column[0]) for column in euler_columns([np.array([part]) for part in q])]
-    assert found == pytest.approx([roll, pitch, yaw], abs=1e-6)
+    results = [float(column[0]) for column in euler_columns([np.array([part]) for part in q])]
+    assert results == pytest.approx([roll, pitch, yaw], abs=1e-6)
     assert np.degrees(rotations.euler_of(np.array(q))) == pytest.approx([roll, pitch, yaw], abs=1e-6)
 
 
@@ -70,8 +70,8 @@ def test_angles_become_the_quaternion_that_has_these_angles(roll: float, pitch: 
 def test_a_matrix_is_read_row_by_row(roll: float, pitch: float, yaw: float) -> None:
     q = of_euler(roll, pitch, yaw)
     rows = np.column_stack([turned(q, axis) for axis in np.eye(3)])
-    found = rotations.quaternion_of(rows)
-    assert abs(sum(a * b for a, b in zip(found, q, strict=True))) == pytest.approx(1)
+    result = rotations.quaternion_of(rows)
+    assert abs(sum(a * b for a, b in zip(result, q, strict=True))) == pytest.approx(1)
 
 
 @each_row(
@@ -91,7 +91,9 @@ def test_an_arrow_along_x_comes_to_point_there(v: tuple[float, float, float]) ->
 
 
 def test_the_newest_row_is_the_pose_and_nonsense_leaves_it() -> None:
-    one = look(info(7, "quaternion", "Quaternion", "w x y z", frame="NED from body"), info(8, "scalar", "T", "value"))
+    one = view_of(
+        info(7, "quaternion", "Quaternion", "w x y z", frame="NED from body"), info(8, "scalar", "T", "value")
+    )
     assert one.q_frame_from_body is None
     assert one.frame == "NED"
     one.update(samples(7, [1, 0, 0, 0], [0, 2, 0, 0]))
@@ -102,7 +104,7 @@ def test_the_newest_row_is_the_pose_and_nonsense_leaves_it() -> None:
 
 
 def test_gravity_is_opposite_to_specific_force_at_rest() -> None:
-    one = look(
+    one = view_of(
         info(1, "euler", "Euler angles", "roll pitch yaw", "°"),
         info(2, "vector", "Acceleration", "x y z", "m/s²"),
         info(3, "vector", "Magnetic field", "x y z", "a.u."),
@@ -119,7 +121,7 @@ def test_a_device_without_an_attitude_is_in_no_scene() -> None:
 
 
 def test_a_track_has_its_past_before_it_and_ten_points_a_second_at_most() -> None:
-    one = look(
+    one = view_of(
         info(1, "quaternion", "Quaternion", "w x y z"), info(2, "vector", "Local position", "north east down", "m")
     )
     one.update(samples(2, *[[i, 0, -5] for i in range(100)], t0=100, dt=0.01))
@@ -134,7 +136,7 @@ def test_a_track_has_its_past_before_it_and_ten_points_a_second_at_most() -> Non
 
 
 def test_positions_become_metres_and_invalid_ones_are_omitted() -> None:
-    one = look(info(1, "quaternion", "Quaternion", "w x y z"), info(2, "vector", "Position", "lat lon alt", "°"))
+    one = view_of(info(1, "quaternion", "Quaternion", "w x y z"), info(2, "vector", "Position", "lat lon alt", "°"))
     one.update(samples(2, [0, 0, 0], [math.nan, 8, 400], [47.0, 8.0, 400.0], [47.001, 8.0, 410.0]))
     assert one.place is not None
     track = one.track(600)

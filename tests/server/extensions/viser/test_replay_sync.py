@@ -14,7 +14,7 @@ from websockets.exceptions import InvalidStatus
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.writer import McapWriter
-from tests.server.extensions.viser.viser_client import looking, turns
+from tests.server.extensions.viser.viser_client import turns, viewing
 from tests.support.server_process import ServerProcess
 from tests.support.timeouts import PATIENCE_S, connecting
 
@@ -57,16 +57,16 @@ async def play(url: str) -> None:
             async def at(t: float) -> None:
                 await player.send(json.dumps({"t": t, "rate": 0.0}))
 
-            async with looking(url, address.rstrip("/")) as viewer:
-                seen: list[list[float]] = [[]]
+            async with viewing(url, address.rstrip("/")) as viewer:
+                records: list[list[float]] = [[]]
                 # What comes first may be of the place before: a second round has seen every place. Beyond its end is
                 # its last row.
                 for place in 3 * [STARTED + 1.5, STARTED + 2.5, 1e11]:
                     await at(place)
-                    seen.append(await other_turn(viewer, seen[-1]))
-                assert seen[-3:] == seen[-6:-3], "the same place is the same picture"
+                    records.append(await other_turn(viewer, records[-1]))
+                assert records[-3:] == records[-6:-3], "the same place is the same picture"
         with pytest.raises(InvalidStatus):
-            async with looking(url, address.rstrip("/")):
+            async with viewing(url, address.rstrip("/")):
                 pass
 
 

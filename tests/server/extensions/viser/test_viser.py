@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosedError, InvalidStatus
 from imuscope.server.extensions.viser.service import MODULE, Viser
 from imuscope.server.services.services import ViewerTimings
 from imuscope.server.settings.config import Config
-from tests.server.extensions.viser.viser_client import looking, subprotocol, turns
+from tests.server.extensions.viser.viser_client import subprotocol, turns, viewing
 from tests.support.fakes import FakeLink
 from tests.support.forking.forked_workers import workers_of
 from tests.support.in_process_server import InProcessServer
@@ -33,13 +33,13 @@ def shown(server: ServerProcess) -> Iterator[httpx.Client]:
         yield client
 
 
-async def turned(url: str, *, wanted: int) -> list[list[float]]:
+async def turned(url: str, *, expected: int) -> list[list[float]]:
     """So many orientations of the body, as a viewer gets them."""
-    found: list[list[float]] = []
-    async with asyncio.timeout(90), looking(url) as socket:
-        while len(found) < wanted:
-            found += turns(await socket.recv())
-    return found
+    results: list[list[float]] = []
+    async with asyncio.timeout(90), viewing(url) as socket:
+        while len(results) < expected:
+            results += turns(await socket.recv())
+    return results
 
 
 def test_its_page_comes_through_with_a_policy_of_its_own(shown: httpx.Client) -> None:
@@ -66,10 +66,10 @@ def test_a_scene_is_begun_by_name_and_an_unknown_one_refused(shown: httpx.Client
 
 
 def test_the_body_turns_as_the_device_does(shown: httpx.Client, server: ServerProcess) -> None:
-    found = asyncio.run(turned(server.url, wanted=30))
-    for q in found:
+    results = asyncio.run(turned(server.url, expected=30))
+    for q in results:
         assert sum(part * part for part in q) == pytest.approx(1, abs=1e-3)
-    assert found[0] != found[-1]
+    assert results[0] != results[-1]
 
 
 def test_a_foreign_page_and_a_foreign_name_are_refused(shown: httpx.Client, server: ServerProcess) -> None:
@@ -90,9 +90,9 @@ def test_a_foreign_page_and_a_foreign_name_are_refused(shown: httpx.Client, serv
 def test_foreign_messages_do_not_reach_it(server: ServerProcess) -> None:
     """Regression: viser ended the connection, which was reported as the end of viser."""
 
-    async def turns_after(*said: str | bytes) -> int:
-        async with asyncio.timeout(90), looking(server.url) as socket:
-            for one in said:
+    async def turns_after(*message: str | bytes) -> int:
+        async with asyncio.timeout(90), viewing(server.url) as socket:
+            for one in message:
                 await socket.send(one)
             while not turns(await socket.recv()):
                 pass
@@ -125,7 +125,7 @@ def test_viser_recovers_from_a_crash_and_reports_it(shown: httpx.Client, server:
 
     def turned_again() -> object:  # viser's page tries again by itself, too
         try:
-            return asyncio.run(turned(server.url, wanted=3))
+            return asyncio.run(turned(server.url, expected=3))
         except InvalidStatus as refused:
             if refused.response.status_code != 503:
                 raise
@@ -155,7 +155,7 @@ async def events(url: str) -> list[str]:
 
 def test_it_runs_only_while_a_client_views_it(tmp_path: Path) -> None:
     async def visit(url: str) -> None:
-        async with looking(url):
+        async with viewing(url):
             pass
 
     config = Config(sources=("/dev/one",), data=tmp_path)

@@ -37,7 +37,7 @@ def subprotocol() -> str:
 
 
 @contextlib.asynccontextmanager
-async def looking(url: str, path: str = "/viser", **options: Any) -> AsyncIterator[ClientConnection]:
+async def viewing(url: str, path: str = "/viser", **options: Any) -> AsyncIterator[ClientConnection]:
     """A viewer of a scene of the server at `url`."""
     address = url.replace("http", "ws", 1) + path
     async with connecting(address, subprotocols=[subprotocol()], max_size=None, **options) as socket:  # type: ignore[list-item]

@@ -71,7 +71,7 @@ def _held(motion: Any, sigma: float, noise: Any) -> int:
     for _ in range(RUNS):
         moves, offset = motion(random), random.uniform(-5, 5)
         a, b = np.arange(0, 40, 0.01), np.arange(2 + random.uniform(0, 0.01), 43, 1 / 130.7)
-        found = align(
+        result = align(
             [
                 (
                     signal(a, moves(a) + noise(random, len(a), sigma)),
@@ -79,10 +79,10 @@ def _held(motion: Any, sigma: float, noise: Any) -> int:
                 )
             ]
         )
-        share = abs(found.offset - offset) / found.uncertainty
+        share = abs(result.offset - offset) / result.uncertainty
         held += share <= 1
         assert share < 2.5
-        assert found.uncertainty < 0.2
+        assert result.uncertainty < 0.2
     return held
 
 
@@ -90,10 +90,10 @@ def test_without_noise_the_offset_is_exact_to_a_thousandth_of_a_step() -> None:
     random = np.random.default_rng(1)
     moves = sway(random)
     time = np.arange(0, 30, 0.01)
-    found = align([(signal(time, moves(time)), signal(time - 12.34567, moves(time)))])
-    assert found.offset == pytest.approx(12.34567, abs=1e-5)
-    assert found.correlation == pytest.approx(1.0, abs=1e-6)
-    assert found.others == ()
+    result = align([(signal(time, moves(time)), signal(time - 12.34567, moves(time)))])
+    assert result.offset == pytest.approx(12.34567, abs=1e-5)
+    assert result.correlation == pytest.approx(1.0, abs=1e-6)
+    assert result.others == ()
 
 
 def test_no_offset_is_sought_below_the_resolution_of_the_times(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,8 +117,8 @@ def test_the_clocks_of_two_days_do_not_matter() -> None:
     random = np.random.default_rng(5)
     moves = turns(random)
     time = np.arange(0, 40, 0.02)
-    found = align([(signal(time, moves(time)), signal(time - 86_400.5 * 3, 1.1 * moves(time)))])
-    assert found.offset == pytest.approx(86_400.5 * 3, abs=1e-3)
+    result = align([(signal(time, moves(time)), signal(time - 86_400.5 * 3, 1.1 * moves(time)))])
+    assert result.offset == pytest.approx(86_400.5 * 3, abs=1e-3)
 
 
 def test_gaps_have_no_weight() -> None:
@@ -128,10 +128,10 @@ def test_gaps_have_no_weight() -> None:
     time = np.arange(0, 40, 0.01)
     a, b = moves(time) + white(random, len(time), 0.1), moves(time) + white(random, len(time), 0.1)
     first, second = (time < 10) | (time > 14), (time < 20) | (time > 27)
-    found = align([(signal(time[first], a[first]), signal(time[second] - 1.5, b[second]))])
-    assert abs(found.offset - 1.5) < 1.5 * found.uncertainty
-    assert found.uncertainty < 1e-3
-    assert found.overlap == pytest.approx(29, abs=0.1)
+    result = align([(signal(time[first], a[first]), signal(time[second] - 1.5, b[second]))])
+    assert abs(result.offset - 1.5) < 1.5 * result.uncertainty
+    assert result.uncertainty < 1e-3
+    assert result.overlap == pytest.approx(29, abs=0.1)
 
 
 def test_all_axes_determine_one_offset() -> None:
@@ -157,18 +157,18 @@ def test_an_angle_that_wraps_is_no_jump() -> None:
     time = np.arange(0, 30, 0.01)
     values = (180 + 30 * moves(time)) % 360
     turned = (180 + 30 * moves(time) + 180) % 360 - 180
-    found = align([(signal(time, values, 360.0), signal(time + 2.0, turned, 360.0))])
-    assert found.offset == pytest.approx(-2.0, abs=1e-3)
+    result = align([(signal(time, values, 360.0), signal(time + 2.0, turned, 360.0))])
+    assert result.offset == pytest.approx(-2.0, abs=1e-3)
 
 
-def test_a_motion_that_repeats_itself_says_which_offsets_fit_as_well() -> None:
+def test_a_motion_that_repeats_itself_states_which_offsets_fit_as_well() -> None:
     random = np.random.default_rng(7)
     time = np.arange(0, 40, 0.01)
     envelope = np.exp(-np.square((time - 20) / 8))
     a, b = (envelope * np.sin(2 * np.pi * time) + white(random, len(time), 0.05) for _ in range(2))
-    found = align([(signal(time, a), signal(time - 0.2, b))], -5, 5)
-    assert any(abs(abs(other - found.offset) - 1) < 0.1 for other in found.others)
-    assert "fit nearly as well" in found.notes[0]
+    results = align([(signal(time, a), signal(time - 0.2, b))], -5, 5)
+    assert any(abs(abs(other - results.offset) - 1) < 0.1 for other in results.others)
+    assert "fit nearly as well" in results.notes[0]
 
 
 def test_only_the_searched_offsets_are_found() -> None:
@@ -202,9 +202,9 @@ def driven(begin: float, seconds: float, seed: int) -> tuple[Floats, Floats]:
 def test_slow_turns_that_agree_almost_perfectly_are_aligned() -> None:
     """Regression: with r = 0.993 and at most 0.5 elsewhere they were said not to resemble each other."""
     a, b = driven(5.0, 85.0, 1), driven(24.0, 80.0, 2)
-    found = align([(signal(*a), signal(b[0] + 477.8, b[1]))])
-    assert found.offset == pytest.approx(19.0 - 477.8, abs=0.05)
-    assert found.correlation > 0.98
+    result = align([(signal(*a), signal(b[0] + 477.8, b[1]))])
+    assert result.offset == pytest.approx(19.0 - 477.8, abs=0.05)
+    assert result.correlation > 0.98
 
 
 def test_a_refusal_names_the_best_offset_and_what_chance_reaches() -> None:
@@ -229,5 +229,5 @@ def test_minutes_at_1_khz_are_aligned() -> None:
     moves = np.repeat(random.normal(0, 1, 720), 500)
     smooth = np.convolve(moves, np.ones(200) / 200, "same")
     a, b = smooth[: 300 * 1000], smooth[60 * 1000 :]
-    found = align([(signal(time[: len(a)], a), signal(time[: len(b)], b + white(random, len(b), 0.1)))])
-    assert found.offset == pytest.approx(60.0, abs=1e-3)
+    result = align([(signal(time[: len(a)], a), signal(time[: len(b)], b + white(random, len(b), 0.1)))])
+    assert result.offset == pytest.approx(60.0, abs=1e-3)

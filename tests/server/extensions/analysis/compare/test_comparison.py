@@ -41,16 +41,16 @@ def signal(time: Any, values: Any, unit: str = "m", period: float = 0.0) -> Sign
 
 def slow(a: Signal, b: Signal, offset: float, holes: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Each difference by a search through B; none within one of the holes."""
-    found = []
+    results = []
     for time, value in zip(a.time, a.values, strict=True):
         at = time - offset
         for (t, y), (u, z) in zip(
             zip(b.time, b.values, strict=True), zip(b.time[1:], b.values[1:], strict=True), strict=False
         ):
             if t <= at <= u and (at in (t, u) or not any(t == begin and u == end for begin, end in holes)):
-                found.append((float(time), float(y + (at - t) / (u - t) * (z - y) - value)))
+                results.append((float(time), float(y + (at - t) / (u - t) * (z - y) - value)))
                 break
-    return found
+    return results
 
 
 @given(
@@ -72,9 +72,9 @@ def test_differences_agree_with_a_search(first: list[float], second: list[float]
         with pytest.raises(DomainError, match="do not overlap"):
             difference(a, b, offset)
         return
-    found = difference(a, b, offset)
-    assert found.time.tolist() == [time for time, _ in expected]
-    assert found.values.tolist() == pytest.approx([value for _, value in expected], abs=1e-9)
+    result = difference(a, b, offset)
+    assert result.time.tolist() == [time for time, _ in expected]
+    assert result.values.tolist() == pytest.approx([value for _, value in expected], abs=1e-9)
 
 
 def test_the_difference_of_shifted_lines_is_a_constant() -> None:
@@ -104,13 +104,13 @@ def test_angles_differ_by_the_shorter_way() -> None:
     assert difference(turning, turning, 0.5).values == pytest.approx(-2.5)
 
 
-def test_a_gap_is_not_bridged_and_told() -> None:
+def test_a_gap_is_not_bridged_but_reported() -> None:
     time = np.arange(0, 10, 0.1)
     a, b = signal(time, 0 * time), signal(np.delete(time, slice(30, 50)), np.zeros(80))
-    found = difference(a, b, 0.05)
-    assert found.left_out == 21
-    assert not np.any((found.time > 2.96) & (found.time < 5.04))
-    assert found.notes == ["21 samples of A in a gap of B: nothing is compared across a gap."]
+    result = difference(a, b, 0.05)
+    assert result.left_out == 21
+    assert not np.any((result.time > 2.96) & (result.time < 5.04))
+    assert result.notes == ["21 samples of A in a gap of B: nothing is compared across a gap."]
 
 
 def test_other_units_are_not_compared() -> None:
@@ -128,11 +128,11 @@ def wxyz(rotation: Rotation) -> Floats:
 def test_euler_angles_and_slerp_agree_with_scipy() -> None:
     random = np.random.default_rng(2)
     euler = np.stack([random.uniform(-180, 180, 50), random.uniform(-89, 89, 50), random.uniform(-180, 180, 50)])
-    found, expected = (
+    result, expected = (
         np.stack(quaternion_columns(list(euler)), -1),
         wxyz(Rotation.from_euler("ZYX", euler[::-1].T, degrees=True)),
     )
-    assert np.abs(np.sum(found * expected, -1)) == pytest.approx(1.0)
+    assert np.abs(np.sum(result * expected, -1)) == pytest.approx(1.0)
     first, second = Rotation.random(50, random_state=1), Rotation.random(50, random_state=2)
     part = random.uniform(0, 1, 50)
     between = first * Rotation.from_rotvec(part[:, np.newaxis] * (first.inv() * second).as_rotvec())
@@ -145,9 +145,9 @@ def test_an_attitude_differs_by_one_angle_and_a_mounting_is_recognised() -> None
     mounting = Rotation.from_euler("x", 7, degrees=True)
     wobble = Rotation.from_euler("y", np.where(np.arange(len(time)) % 2, 1.0, -1.0)[:, np.newaxis], degrees=True)
     sign = np.where(np.arange(len(time)) % 3 == 0, -1.0, 1.0)[:, np.newaxis]  # q and −q are one attitude
-    found, figures = attitude_difference((time, wxyz(moves)), (time - 3, sign * wxyz(moves * mounting * wobble)), 3.0)
+    result, figures = attitude_difference((time, wxyz(moves)), (time - 3, sign * wxyz(moves * mounting * wobble)), 3.0)
     both = math.cos(math.radians(3.5)) * math.cos(math.radians(0.5))  # of half the angles, about perpendicular axes
-    assert found.values == pytest.approx(math.degrees(2 * math.acos(both)), abs=1e-4)
+    assert result.values == pytest.approx(math.degrees(2 * math.acos(both)), abs=1e-4)
     assert figures["mounting"] == pytest.approx(7.0, abs=0.01)
     assert figures["remaining"] == pytest.approx(1.0, abs=0.01)
 
@@ -180,8 +180,8 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServe
     waves = [(random.uniform(0.1, 3), random.uniform(0, 7)) for _ in range(20)]
 
     def y(t: Floats) -> Floats:
-        found: Floats = np.sum([np.sin(2 * np.pi * f * t + p) for f, p in waves], axis=0)
-        return found
+        values: Floats = np.sum([np.sin(2 * np.pi * f * t + p) for f, p in waves], axis=0)
+        return values
 
     tables = {}
     for name, begin in (("first", 0.0), ("second", 98.75)):
@@ -200,18 +200,18 @@ def named(running: InProcessServer, recording: str) -> str:
     return f"{channel['name']}.{channel['columns'][0]['name']}"
 
 
-def ask(running: InProcessServer, a: str, b: str, **body: Any) -> Any:
+def send_request(running: InProcessServer, a: str, b: str, **body: Any) -> Any:
     names = {"signals": [named(running, a)], "signals_b": ["Line.y" if b == "7" else named(running, b)]}
     sides: dict[str, Any] = {"a": {"source": a}, "b": {"source": b}}
     return running.client.post(URL, json={**sides, **names, **body})
 
 
 def test_two_recordings_are_aligned_by_correlation(running: InProcessServer) -> None:
-    found = ask(running, "first", "second", align="correlation").json()
-    assert found["offset"] == pytest.approx(-98.75, abs=1e-3)
-    assert 0 < found["uncertainty"] < 0.01
-    assert found["correlation"] == pytest.approx(1.0, abs=1e-4)
-    [row] = found["signals"]
+    answer = send_request(running, "first", "second", align="correlation").json()
+    assert answer["offset"] == pytest.approx(-98.75, abs=1e-3)
+    assert 0 < answer["uncertainty"] < 0.01
+    assert answer["correlation"] == pytest.approx(1.0, abs=1e-4)
+    [row] = answer["signals"]
     assert row["figures"]["mean"] == pytest.approx(0.5, abs=1e-3)
     assert row["figures"]["rms"] == pytest.approx(0.5, abs=1e-2)
     assert len(row["a"]["time"]) <= 1001
@@ -219,19 +219,19 @@ def test_two_recordings_are_aligned_by_correlation(running: InProcessServer) -> 
 
 
 def test_a_recording_is_compared_with_a_live_device(running: InProcessServer) -> None:
-    found = ask(running, "first", "7", align="correlation").json()
-    [row] = found["signals"]
+    answer = send_request(running, "first", "7", align="correlation").json()
+    [row] = answer["signals"]
     assert row["signal_b"] == "Line.y"
     assert row["figures"]["rms"] < 0.05
-    begins = ask(running, "first", "7", align="start").json()
-    assert begins["offset"] == pytest.approx(found["offset"], abs=0.02)
+    begins = send_request(running, "first", "7", align="start").json()
+    assert begins["offset"] == pytest.approx(answer["offset"], abs=0.02)
     assert begins["uncertainty"] is None
 
 
 def test_by_the_clock_there_may_be_no_overlap(running: InProcessServer) -> None:
-    found = ask(running, "first", "second").json()
-    assert found["offset"] == 0
-    [row] = found["signals"]
+    answer = send_request(running, "first", "second").json()
+    assert answer["offset"] == 0
+    [row] = answer["signals"]
     assert row["difference"] is None
     assert row["figures"] == {}
     assert "do not overlap" in row["notes"][0]
@@ -241,10 +241,10 @@ def test_two_ranges_of_one_recording(running: InProcessServer) -> None:
     name = named(running, "first")
     a, b = {"source": "first", "t0": START, "t1": START + 8}, {"source": "first", "t0": START + 5, "t1": START + 20}
     body = {"a": a, "b": b, "signals": [name], "align": "correlation"}
-    found = running.client.post(URL, json=body).json()
-    assert found["offset"] == pytest.approx(0.0, abs=1e-3)
-    assert found["signals"][0]["figures"]["rms"] == pytest.approx(0.0, abs=1e-9)
-    assert found["signals"][0]["figures"]["n"] == 301
+    answer = running.client.post(URL, json=body).json()
+    assert answer["offset"] == pytest.approx(0.0, abs=1e-3)
+    assert answer["signals"][0]["figures"]["rms"] == pytest.approx(0.0, abs=1e-9)
+    assert answer["signals"][0]["figures"]["n"] == 301
 
 
 @each_row(
@@ -293,15 +293,15 @@ def test_settings_as_recorded_and_as_read_now_are_compared(tmp_path: Path) -> No
         block_until(lambda: client.get(f"/api/recordings/{recording}").status_code == 200, "it is opened")
         job("apply", {"changes": {"LocationID": {"location_id": 42}}})
         sides = {"a": {"source": recording}, "b": live}
-        found = client.post(f"{URL}/settings", json=sides).json()
-        rows = {row["setting"]: (row["left"], row["right"]) for row in found["rows"]}
+        answer = client.post(f"{URL}/settings", json=sides).json()
+        rows = {row["setting"]: (row["left"], row["right"]) for row in answer["rows"]}
         assert rows == {"LocationID": ("0", "42")}
-        assert found["same"] > 20
-        assert found["left"].startswith("A: MTi-")
+        assert answer["same"] > 20
+        assert answer["left"].startswith("A: MTi-")
         [entry] = [one for one in client.get("/api/recordings").json() if one["id"] == recording]
-        assert found["left"].endswith(f", as recorded in “{entry['title']}”")
-        assert found["right"].startswith("B: MTi-")
-        assert found["changes"] == {}  # it is for reading; Configure writes
+        assert answer["left"].endswith(f", as recorded in “{entry['title']}”")
+        assert answer["right"].startswith("B: MTi-")
+        assert answer["changes"] == {}  # it is for reading; Configure writes
         unknown = client.post(f"{URL}/settings", json={"a": {"source": recording, "device": "7"}, "b": live})
         assert_problem(unknown, 409, "not-read")
         assert f"A: “{entry['title']}” holds no settings" in unknown.json()["message"]  # of two recordings, which?

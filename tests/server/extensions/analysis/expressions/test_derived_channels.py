@@ -128,7 +128,7 @@ def test_a_mistake_stores_nothing_and_leaves_the_signal_of_that_name(bench: Deri
     assert len(bench.rows()[0]) == 110
 
 
-def test_a_new_rate_begins_anew_on_the_same_channel(tmp_path: Path) -> None:
+def test_a_new_rate_begins_again_on_the_same_channel(tmp_path: Path) -> None:
     bench = DerivedBench(tmp_path)
     bench.send(200)
     bench.derived.put(bench.device, SignalDefinition("Smooth", "mean(Acceleration.x, 1 s)"))
@@ -153,7 +153,7 @@ def test_signals_use_each_other_and_follow(bench: DerivedBench) -> None:
         np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-6)
 
 
-def test_what_uses_a_signal_that_is_edited_begins_anew(bench: DerivedBench) -> None:
+def test_what_uses_a_signal_that_is_edited_begins_again(bench: DerivedBench) -> None:
     bench.derived.put(bench.device, SignalDefinition("Twice", "2 * Total"))
     bench.derived.put(bench.device, SignalDefinition("Four", "2 * Twice"))
     bench.derived.put(bench.device, SignalDefinition("Total", "Acceleration.x * 1 s"))
@@ -303,9 +303,9 @@ def test_the_preview_takes_signals_of_several_devices(running: InProcessServer) 
     running.call(begin)
     body = {"source": "7", "t0": None, "t1": None, "options": {}}
     text = '(shift("8/Line8", 0.1 s) - Line7)'
-    [found] = client.post("/api/analysis/expression", json={**body, "signals": [text]}).json()
-    values = np.array(found["figures"]["values"])
-    assert found["units"]["values"] == "m"
+    [result] = client.post("/api/analysis/expression", json={**body, "signals": [text]}).json()
+    values = np.array(result["figures"]["values"])
+    assert result["units"]["values"] == "m"
     np.testing.assert_allclose(values[np.isfinite(values)][-1], 3 * 0.89 - 0.99, atol=1e-6)
     unnamed = client.post("/api/analysis/expression", json={**body, "signals": ["(Line8 - Line7)"]})
     assert_problem(unnamed, 422, "bad-expression")  # as saving it would be

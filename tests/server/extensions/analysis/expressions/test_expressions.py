@@ -102,10 +102,10 @@ G = 9.80665
     ],
 )
 def test_values_and_units(text: str, expected: Floats, unit: str) -> None:
-    found = value(text)
-    assert found.parts[0] == pytest.approx(np.asarray(expected, float), rel=1e-12, abs=1e-12)
-    assert str(found.unit) == unit
-    assert found.time is TIME
+    result = value(text)
+    assert result.parts[0] == pytest.approx(np.asarray(expected, float), rel=1e-12, abs=1e-12)
+    assert str(result.unit) == unit
+    assert result.time is TIME
 
 
 def test_vectors() -> None:
@@ -129,20 +129,20 @@ def test_vectors() -> None:
 
 
 def test_other_times_are_interpolated_and_undefined_outside() -> None:
-    found = one("Speed + 0 * Speed + Acceleration.x * 0 s")
+    results = one("Speed + 0 * Speed + Acceleration.x * 0 s")
     assert SLOW.time is not None
     expected = np.interp(TIME, SLOW.time, SLOW.parts[0], np.nan, np.nan)
-    assert found == pytest.approx(expected, nan_ok=True)
-    assert np.isnan(found[0])
-    assert np.isnan(found[-1])
+    assert results == pytest.approx(expected, nan_ok=True)
+    assert np.isnan(results[0])
+    assert np.isnan(results[-1])
 
 
 def test_truth_keeps_its_value_until_the_next_sample() -> None:
-    found = one("(Speed > 0) and Acceleration.x == Acceleration.x")
-    assert set(found[np.isfinite(found)]) == {0.0, 1.0}
+    result = one("(Speed > 0) and Acceleration.x == Acceleration.x")
+    assert set(result[np.isfinite(result)]) == {0.0, 1.0}
     at = np.searchsorted(SLOW.time, TIME, "right") - 1
-    inside = np.isfinite(found)
-    assert np.array_equal(found[inside], (SLOW.parts[0][at] > 0)[inside])
+    inside = np.isfinite(result)
+    assert np.array_equal(result[inside], (SLOW.parts[0][at] > 0)[inside])
 
 
 def test_angles_take_the_short_way() -> None:
@@ -154,10 +154,10 @@ def test_angles_take_the_short_way() -> None:
 
 
 def test_derivative_and_integral_belong_together() -> None:
-    found = value("derivative(integral(RateOfTurn.z))")
+    result = value("derivative(integral(RateOfTurn.z))")
     expected = np.convolve(GYRO.parts[2], [0.25, 0.5, 0.25], "same")
-    assert found.parts[0][2:-2] == pytest.approx(expected[2:-2], rel=1e-3, abs=1e-3)
-    assert str(found.unit) == "°/s"
+    assert result.parts[0][2:-2] == pytest.approx(expected[2:-2], rel=1e-3, abs=1e-3)
+    assert str(result.unit) == "°/s"
     assert str(value("integral(Acceleration)").unit) == "m/s"
 
 
@@ -182,8 +182,8 @@ def test_filters_are_those_of_scipy() -> None:
     causal = scipy_signal.sosfilt(low, x, zi=zi)[0]
     assert one("lowpass(Acceleration.x, 10 Hz)", zero_phase=False) == pytest.approx(causal, rel=1e-3, abs=1e-3)
     band = scipy_signal.butter(4, [5, 20], "bandpass", fs=RATE, output="sos")
-    found = one("bandpass(Acceleration.x, 5 Hz, 20 Hz, 4)")
-    assert found == pytest.approx(scipy_signal.sosfiltfilt(band, x), rel=1e-3, abs=1e-3)
+    result = one("bandpass(Acceleration.x, 5 Hz, 20 Hz, 4)")
+    assert result == pytest.approx(scipy_signal.sosfiltfilt(band, x), rel=1e-3, abs=1e-3)
     assert notes_of(parse("lowpass(a, 1 Hz)"), Context(True)) == [
         "Computed without delay, forwards and backwards: lowpass."
     ]
@@ -192,14 +192,14 @@ def test_filters_are_those_of_scipy() -> None:
 
 
 def test_nothing_crosses_a_gap() -> None:
-    kept = np.r_[0:150, 250:400]
-    time, values = TIME[kept], x[kept]
+    rows = np.r_[0:150, 250:400]
+    time, values = TIME[rows], x[rows]
     part = Quantity((values,), ACC.unit, time)
-    found = evaluate(parse("mean(a, 0.5 s)"), lambda _: part, Context(True)).parts[0]
+    result = evaluate(parse("mean(a, 0.5 s)"), lambda _: part, Context(True)).parts[0]
     alone = evaluate(
         parse("mean(a, 0.5 s)"), lambda _: Quantity((x[:150],), ACC.unit, TIME[:150]), Context(True)
     ).parts[0]
-    assert found[:150] == pytest.approx(alone)
+    assert result[:150] == pytest.approx(alone)
     even = evaluate(parse("resample(a, 50 Hz)"), lambda _: part, Context(True))
     assert even.time is not None
     inside = (even.time > TIME[149] + 1e-6) & (even.time < TIME[250] - 1e-6)
@@ -210,11 +210,11 @@ def test_nothing_crosses_a_gap() -> None:
 def test_missing_values_stay_missing() -> None:
     holed = x.copy()
     holed[100:105] = np.nan
-    found = evaluate(parse("lowpass(a, 5 Hz) > 0"), lambda _: Quantity((holed,), ACC.unit, TIME), Context(True)).parts[
-        0
-    ]
-    assert np.isnan(found[100:105]).all()
-    assert np.isfinite(np.delete(found, np.s_[100:105])).all()
+    results = evaluate(
+        parse("lowpass(a, 5 Hz) > 0"), lambda _: Quantity((holed,), ACC.unit, TIME), Context(True)
+    ).parts[0]
+    assert np.isnan(results[100:105]).all()
+    assert np.isfinite(np.delete(results, np.s_[100:105])).all()
 
 
 DEEP = [
@@ -269,15 +269,15 @@ def test_a_mistake_is_marked(text: str, marked: str, words: str) -> None:
 
 @given(st.text(alphabet=" ab.123+-*/^()<>=,\"'gm/s²norm", max_size=60))
 def test_any_text_gives_a_value_or_a_marked_mistake(text: str) -> None:
-    mistake = found = None
+    mistake = results = None
     try:
-        found = evaluate(parse(text), lambda _: ACC, Context(True))
+        results = evaluate(parse(text), lambda _: ACC, Context(True))
     except ExpressionError as error:
         mistake = error
     if mistake:
         assert 0 <= mistake.begin <= mistake.end <= len(text) + 1
-    if found:
-        assert {part.shape for part in found.parts} <= {(N,), ()}
+    if results:
+        assert {part.shape for part in results.parts} <= {(N,), ()}
 
 
 def test_each_function_has_its_form() -> None:
@@ -398,8 +398,8 @@ def test_a_device_without_the_signal_is_not_answered_for_by_another(word: str, d
     ],
 )
 def test_a_name_with_its_device_is_that_device_s(word: str, device: str, devices: set[str]) -> None:
-    found = requested_signals([*INFOS, OTHER], [word], zero_phase=True, device=device)
-    assert {column.device for one in found for column in one.columns} == devices
+    results = requested_signals([*INFOS, OTHER], [word], zero_phase=True, device=device)
+    assert {column.device for one in results for column in one.columns} == devices
 
 
 def test_euler_angles_that_the_page_derives_can_be_named() -> None:
@@ -413,8 +413,8 @@ def test_euler_angles_that_the_page_derives_can_be_named() -> None:
         return TIME[:3], parts[column.at]
 
     words = ["EulerAngles.yaw", "1/EulerAngles.yaw", "abs(EulerAngles.yaw) * 2", "EulerAngles"]
-    found = requested_signals([info], words, zero_phase=True)
-    signals = [signal for one in found for signal in one.signals(read)]
+    results = requested_signals([info], words, zero_phase=True)
+    signals = [signal for one in results for signal in one.signals(read)]
     assert [signal.name for signal in signals[:2]] == words[:2]
     assert [signal.unit for signal in signals] == ["°"] * 6
     assert [round(float(signal.values[0]), 6) for signal in signals] == [30.0, 30.0, 60.0, 0.0, 0.0, 30.0]

@@ -61,9 +61,9 @@ def stream(number: int, columns: int, *, gaps: bool = False) -> list[Floats]:
 
 
 def samples(*, gaps: bool = False) -> dict[int, list[Floats]]:
-    found = {1: stream(1, 3, gaps=gaps), 2: stream(2, 1), 3: stream(3, 1, gaps=gaps), 4: stream(4, 4)}
-    found[3][2] = (np.arange(len(found[3][2])) * 7.0 + 180) % 360 - 180
-    return found
+    results = {1: stream(1, 3, gaps=gaps), 2: stream(2, 1), 3: stream(3, 1, gaps=gaps), 4: stream(4, 4)}
+    results[3][2] = (np.arange(len(results[3][2])) * 7.0 + 180) % 360 - 180
+    return results
 
 
 EVEN, GAPPY = samples(), samples(gaps=True)
@@ -85,17 +85,17 @@ def in_pieces(text: str, rows: Mapping[int, Sequence[Floats]], cuts: Sequence[fl
     """All samples in the order of their arrival, in batches that end at these shares of the whole."""
     live = LiveExpression(INFOS, text, RATES)
     ends = [BEGIN + share * (N / 100 + 1) for share in sorted(cuts)]
-    found: list[Piece] = []
+    results: list[Piece] = []
     for low, high in zip([-np.inf, *ends], [*ends, np.inf], strict=True):
         batch: dict[int, Sequence[Any]] = {}
         for number, columns in rows.items():
             some = (columns[0] > low) & (columns[0] <= high)
             if some.any():
                 batch[number] = [column[some] for column in columns]
-        found.append(live.feed(batch))
-    found.append(live.finish())
-    whole = found[0]
-    for piece in found[1:]:
+        results.append(live.feed(batch))
+    results.append(live.finish())
+    whole = results[0]
+    for piece in results[1:]:
         whole = whole.then(piece)
     return live, whole
 
@@ -141,13 +141,13 @@ def expected_of(text: str, kind: str) -> Quantity:
 @given(cuts=CUTS)
 def test_pieces_give_what_everything_at_once_gives(text: str, kind: str, cuts: list[float]) -> None:
     rows = EVEN if kind == "even" else GAPPY
-    live, found = in_pieces(text, rows, cuts)
+    live, result = in_pieces(text, rows, cuts)
     expected = expected_of(text, kind)
     assert expected.time is not None
     assert (live.unit, live.probe.names) == (str(expected.unit), expected.names)
-    np.testing.assert_allclose(found.time, expected.time, rtol=0, atol=1e-6)
-    for part, wanted in zip(found.parts, expected.parts, strict=True):
-        np.testing.assert_allclose(part, wanted, rtol=1e-6, atol=1e-6 * (1 + np.nanmax(np.abs(wanted))))
+    np.testing.assert_allclose(result.time, expected.time, rtol=0, atol=1e-6)
+    for part, target in zip(result.parts, expected.parts, strict=True):
+        np.testing.assert_allclose(part, target, rtol=1e-6, atol=1e-6 * (1 + np.nanmax(np.abs(target))))
 
 
 def test_every_function_is_in_a_case() -> None:
@@ -180,17 +180,17 @@ def test_a_silent_signal_holds_the_others_up_for_a_while_only() -> None:
     live = LiveExpression(INFOS, "Acceleration.x * Speed", RATES)
     columns = EVEN[1]
     assert len(live.feed({1: [column[:100] for column in columns]})) == 0
-    found = live.feed({1: [column[100:] for column in columns]})
-    assert found.time[-1] == pytest.approx(columns[1][-1] - WAIT_S, abs=0.02)
-    assert np.isnan(found.parts[0]).all()
+    result = live.feed({1: [column[100:] for column in columns]})
+    assert result.time[-1] == pytest.approx(columns[1][-1] - WAIT_S, abs=0.02)
+    assert np.isnan(result.parts[0]).all()
 
 
 def test_times_never_step_back() -> None:
     live = LiveExpression(INFOS, "Acceleration.x", RATES)
     ones = [np.ones(3)] * 3
     live.feed({1: [np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0]), *ones]})
-    found = live.feed({1: [np.array([4.0, 5.0, 6.0]), np.array([2.5, np.nan, 5.5]), *ones]})
-    assert found.time.tolist() == [3.0, 5.0, 5.5]
+    result = live.feed({1: [np.array([4.0, 5.0, 6.0]), np.array([2.5, np.nan, 5.5]), *ones]})
+    assert result.time.tolist() == [3.0, 5.0, 5.5]
 
 
 def test_the_usual_rate_ignores_gaps_and_needs_some_samples() -> None:
@@ -249,14 +249,14 @@ def calls_with_extremes(name: str) -> list[str]:
     function = FUNCTIONS[name]
     numbers = [f"{one} {unit}".strip() for one in EXTREMES for unit in ("", "Hz", "s")]
     several = [f"{one} Hz" for one in ("1e-300", "1e-9", "1", "49", "1e300")]
-    found = []
+    results = []
     for count in range(function.least, function.most + 1):
         rest = itertools.product(["x", *numbers] if count == 2 else several, repeat=min(count - 1, 2))
         orders = ["0", "1e-300", "3", "8", "1e300"] if count > 2 and name.endswith("pass") else [""]
-        found += [
+        results += [
             f"{name}({', '.join(['x', *words, *filter(None, [order])][:count])})" for words in rest for order in orders
         ]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(results))
 
 
 class Causal:
@@ -266,11 +266,11 @@ class Causal:
     whole_windows = False
 
     def __init__(self) -> None:
-        self.was_asked = False
+        self.was_requested = False
 
     @property
     def zero_phase(self) -> bool:
-        self.was_asked = True
+        self.was_requested = True
         return False
 
 
@@ -285,7 +285,7 @@ def test_extreme_arguments_are_computed_or_refused_in_words(name: str) -> None:
                 live_context: Any = Causal()
                 with contextlib.suppress(ExpressionError):
                     evaluate(parsed, lambda _: x, live_context)  # noqa: B023
-                if live_context.was_asked:
+                if live_context.was_requested:
                     with contextlib.suppress(ExpressionError):
                         evaluate(parsed, lambda _: x, Context(zero_phase=True))  # noqa: B023
         for rate, samples in ((1e-4, 4), (100.0, 20), (2000.0, 20)):

@@ -45,7 +45,7 @@ def rows(store: ColumnStore, name: str) -> ExactRows:
     return store.exact(number, 0, store.rows(number))
 
 
-def told(store: ColumnStore) -> list[str]:
+def notices_of(store: ColumnStore) -> list[str]:
     return [one["text"] for one in store.manifest["events"] if one["data"].get("reason") == "computed"]
 
 
@@ -53,40 +53,40 @@ def test_a_recorded_definition_is_a_channel_with_the_samples_of_its_device(tmp_p
     store = opened(tmp_path, TOTAL)
     [info] = [info for info in channels_of(store).values() if info.name == "Total"]
     assert (info.device, info.message, info.unit, info.kind) == ("1", "expression", "m/s²", "scalar")
-    source, found = rows(store, "Acceleration"), rows(store, "Total")
-    np.testing.assert_allclose(found.columns[0], np.linalg.norm(np.array(source.columns, float), axis=0), rtol=1e-6)
-    np.testing.assert_allclose(found.time, source.time, atol=1e-6)
-    np.testing.assert_allclose(found.arrival, source.arrival, atol=1e-6)
-    assert told(store) == []
+    source, result = rows(store, "Acceleration"), rows(store, "Total")
+    np.testing.assert_allclose(result.columns[0], np.linalg.norm(np.array(source.columns, float), axis=0), rtol=1e-6)
+    np.testing.assert_allclose(result.time, source.time, atol=1e-6)
+    np.testing.assert_allclose(result.arrival, source.arrival, atol=1e-6)
+    assert notices_of(store) == []
 
 
-def test_a_filter_is_without_delay_and_says_so(tmp_path: Path) -> None:
+def test_a_filter_is_without_delay_and_states_it(tmp_path: Path) -> None:
     store = opened(tmp_path, {"Slow": "lowpass(Acceleration.x, 5 Hz)"})
     [info] = [info for info in channels_of(store).values() if info.name == "Slow"]
     assert "forwards and backwards: lowpass" in info.doc
-    source, found = rows(store, "Acceleration"), rows(store, "Slow")
+    source, result = rows(store, "Acceleration"), rows(store, "Slow")
     steps = np.diff(source.time)
     end = int(np.argmax(steps > 5 * np.median(steps))) + 1  # the hole of the drive
     rate = 1 / steps[steps <= 1.5 * np.median(steps)].mean()
     sections = signal.butter(2, 5.0, fs=rate, output="sos")
     expected = signal.sosfiltfilt(sections, np.asarray(source.columns[0][:end], float))
-    np.testing.assert_allclose(found.columns[0][:end], expected, atol=1e-6)
+    np.testing.assert_allclose(result.columns[0][:end], expected, atol=1e-6)
 
 
 def test_signals_may_use_each_other_in_any_order(tmp_path: Path) -> None:
     store = opened(tmp_path, {"Twice": "2 * Total", **TOTAL, "Loop": "Knot + Total", "Knot": "Loop"})
     np.testing.assert_allclose(rows(store, "Twice").columns[0], 2 * rows(store, "Total").columns[0])
-    assert [text.partition(":")[0] for text in told(store)] == [
+    assert [text.partition(":")[0] for text in notices_of(store)] == [
         "The computed signal “Loop” is left out",
         "The computed signal “Knot” is left out",
     ]
 
 
-def test_a_definition_that_does_not_fit_is_told_and_the_rest_is_opened(tmp_path: Path) -> None:
+def test_a_definition_that_does_not_fit_is_reported_and_the_rest_is_opened(tmp_path: Path) -> None:
     mistakes = {"Odd": "norm(Sped)", "Mixed": "Acceleration + 3 °/s", "Acceleration": "Acceleration.x", "Three": "3 m"}
     store = opened(tmp_path, {**mistakes, **TOTAL})
     assert len(rows(store, "Total")) > 100
-    words = told(store)
+    words = notices_of(store)
     assert {text.split("”")[0] for text in words} == {f"The computed signal “{name}" for name in mistakes}
     assert any("Signal Sped not found." in text for text in words)
 
@@ -95,22 +95,22 @@ def test_a_definition_that_does_not_fit_is_told_and_the_rest_is_opened(tmp_path:
 def test_computed_signals_are_exported_as_data(tmp_path: Path, export_format: str) -> None:
     store = opened(tmp_path, TOTAL)
     made = export(export_format, ExportRequest(store), tmp_path / f"run.{export_format}")
-    wanted = rows(store, "Total").columns[0]
+    expected = rows(store, "Total").columns[0]
     if export_format == "mcap":
         with made[0].open("rb") as file:
             topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
-        assert sum("expression" in topic for topic in topics) == len(wanted)
+        assert sum("expression" in topic for topic in topics) == len(expected)
         return
     [file] = [one for one in made if "expression" in one.name]
     if export_format == "csv":
         lines = file.read_text(encoding="utf-8").splitlines()
         heading = next(line for line in lines if "Total" in line and not line.startswith("#"))
         assert "m/s²" in heading
-        assert len(lines) >= len(wanted) + 1
+        assert len(lines) >= len(expected) + 1
     else:
         table = pq.read_table(file)
         [name] = [one for one in table.column_names if "Total" in one]
-        np.testing.assert_allclose(table[name].to_numpy(), wanted)
+        np.testing.assert_allclose(table[name].to_numpy(), expected)
 
 
 def test_a_decoded_recording_is_made_again_when_an_expression_would_give_something_else() -> None:

@@ -120,7 +120,9 @@ def test_a_table_is_calibrated_by_its_columns(tmp_path: Path, capsys: pytest.Cap
     assert "rest.csv has no columns of magnetometer. Name columns and units of the table" in words
 
 
-def test_a_calibration_that_is_not_determined_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_calibration_that_is_not_determined_gives_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = at_rest(tmp_path / "rest.bin", seconds=3.0)
     assert refused(capsys, "calibrate", file, "gyroscope").startswith("imuscope: ")
     assert "sends no data of its magnetometer" in refused(capsys, "calibrate", file, "magnetometer")

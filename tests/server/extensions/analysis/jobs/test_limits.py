@@ -29,7 +29,7 @@ TEXT = "text/plain"
 
 
 @dataclass(frozen=True)
-class Says:
+class Progress:
     """Gives a text."""
 
     text: str
@@ -103,8 +103,8 @@ async def _process_in(file: Path) -> int:
 async def test_samples_arrive_whole() -> None:
     async with analyses() as service:
         samples = np.arange(3_000_000.0)
-        found = await service.content("a", ready(SendsBack(samples)))
-        assert found == (TEXT, str(int(samples.sum())).encode())
+        result = await service.content("a", ready(SendsBack(samples)))
+        assert result == (TEXT, str(int(samples.sum())).encode())
 
 
 async def test_an_analysis_beyond_its_memory_is_refused_and_the_next_one_answered() -> None:
@@ -112,7 +112,7 @@ async def test_an_analysis_beyond_its_memory_is_refused_and_the_next_one_answere
         with pytest.raises(DomainError, match="more memory than 64 MB") as refused:
             await service.content("a", ready(TakesMemory(2000)))
         assert refused.value.kind == "too-many"
-        assert (await service.content("a", ready(Says("on")))).body == b"on"
+        assert (await service.content("a", ready(Progress("on")))).body == b"on"
 
 
 async def test_an_analysis_beyond_its_time_is_killed(tmp_path: Path) -> None:
@@ -125,9 +125,9 @@ async def test_an_analysis_beyond_its_time_is_killed(tmp_path: Path) -> None:
 
 async def test_an_analysis_ends_with_its_client_though_it_holds_the_interpreter(tmp_path: Path) -> None:
     async with analyses() as service:
-        asked = asyncio.create_task(service.content("a", ready(NeverEnds(tmp_path / "process"))))
+        request = asyncio.create_task(service.content("a", ready(NeverEnds(tmp_path / "process"))))
         pid = await _process_in(tmp_path / "process")
-        asked.cancel()
+        request.cancel()
         await until(lambda: not is_running(pid), "the process to end")
         assert service.queue.running == 0
 
@@ -136,7 +136,7 @@ async def test_one_user_runs_one_analysis_while_another_gets_an_answer(tmp_path:
     async with analyses() as service:
         long = [asyncio.create_task(service.content("a", ready(NeverEnds(tmp_path / name)))) for name in "12"]
         await _process_in(tmp_path / "1")
-        assert (await service.content("b", ready(Says("soon")))).body == b"soon"
+        assert (await service.content("b", ready(Progress("soon")))).body == b"soon"
         assert not (tmp_path / "2").exists()
         for one in long:
             one.cancel()
@@ -151,50 +151,50 @@ async def test_an_analysis_that_the_system_kills_is_an_error_in_words() -> None:
 
 async def test_the_fork_server_is_started_again_after_it_was_killed() -> None:
     async with analyses() as service:
-        await service.content("a", ready(Says("1")))
+        await service.content("a", ready(Progress("1")))
         pid = service.forks.pid
         assert pid is not None
         os.kill(pid, signal.SIGKILL)
         await until(lambda: not is_running(pid), "its end")
-        assert (await service.content("a", ready(Says("2")))).body == b"2"
+        assert (await service.content("a", ready(Progress("2")))).body == b"2"
         assert service.forks.pid != pid
 
 
-async def test_the_fork_server_ends_when_nothing_is_asked_for_a_while() -> None:
+async def test_the_fork_server_ends_when_nothing_is_requested_for_a_while() -> None:
     forks = ForkServer("imuscope.server.extensions.analysis.jobs.worker", *AnalysisLimits().words, idle_s=0.0)
-    assert (await forks.run(Says("1")))[1] == b"1"
+    assert (await forks.run(Progress("1")))[1] == b"1"
     await until(lambda: forks.pid is None, "the end of the fork server")
-    assert (await forks.run(Says("2")))[1] == b"2"
+    assert (await forks.run(Progress("2")))[1] == b"2"
     await forks.close()
 
 
 async def test_a_fork_server_that_ends_while_it_starts_is_an_error_in_words() -> None:
     forks = ForkServer("imuscope.server.extensions.analysis.jobs.worker", "no number", "60")
     with pytest.raises(OSError, match="it ended while it started"):
-        await forks.run(Says("1"))
+        await forks.run(Progress("1"))
     assert forks.pid is None
     await forks.close()
 
 
-async def test_what_runs_analyses_is_there_before_the_first_one_while_somebody_looks(
+async def test_what_runs_analyses_is_there_before_the_first_one_while_a_page_is_open(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Regression: the first analysis of a server waited 0.7 s for the libraries, however long the page was open."""
     monkeypatch.setattr("imuscope.server.extensions.analysis.jobs.service._processors", lambda: 2)
-    looks, loads = [True], [9.0, 3.0, 0.5]
+    views, loads = [True], [9.0, 3.0, 0.5]
 
-    service = AnalysisService(is_viewed=lambda: looks[0], load=lambda: loads.pop(0))
+    service = AnalysisService(is_viewed=lambda: views[0], load=lambda: loads.pop(0))
     service.viewed(0.0)
     await until(lambda: service.forks.pid, "the process to start")
     assert loads == [], "it waits until the machine is idle"
     assert service.forks.is_kept(), "it stays while somebody looks"
-    looks[0] = False
+    views[0] = False
     assert not service.forks.is_kept()
     await service.close()
 
 
 @each_row(("is_viewed", "processors", "memory"), [(False, 2, 4), (True, 1, 4), (True, 2, 1)])
-async def test_nothing_is_started_where_nobody_looks_or_on_a_small_machine(
+async def test_nothing_is_started_where_no_page_is_open_or_on_a_small_machine(
     is_viewed: bool, processors: int, memory: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("imuscope.server.extensions.analysis.jobs.service._processors", lambda: processors)

@@ -30,11 +30,11 @@ START = 1_760_000_000.0
 
 def pseudo_random(n: int) -> Floats:
     """Numbers of the generator in NIST SP 1065, 12.4."""
-    state, found = 1234567890, []
+    state, result = 1234567890, []
     for _ in range(n):
-        found.append(state / 2147483647)
+        result.append(state / 2147483647)
         state = 16807 * state % 2147483647
-    return np.array(found)
+    return np.array(result)
 
 
 def samples(name: str) -> Floats:
@@ -92,10 +92,10 @@ def test_the_definition_in_runs(runs: list[list[float]], m: int) -> None:
 def test_averaging_times_are_spaced_evenly_up_to_a_quarter() -> None:
     assert averaging_lengths(4, 8) == [1]
     assert averaging_lengths(1000, 1) == [1, 16, 250]
-    found = averaging_lengths(1_000_000, 8)
-    assert found[0] == 1
-    assert found[-1] == 250_000
-    ratios = [b / a for a, b in itertools.pairwise(found) if a > 50]
+    results = averaging_lengths(1_000_000, 8)
+    assert results[0] == 1
+    assert results[-1] == 250_000
+    ratios = [b / a for a, b in itertools.pairwise(results) if a > 50]
     assert max(ratios) < 1.36
     assert min(ratios) > 1.3
 
@@ -112,10 +112,10 @@ def test_the_parameters_of_known_noise_lie_in_their_intervals(density: float, wa
     truth = {"random_walk": density, "rate_random_walk": walk, "quantisation": 0.0, "bias_instability": 0.0}
     outside, walks = 0, []
     for seed in range(10):
-        found = analysed(signal(noise(60_000, 100.0, density, walk, seed), 100.0))["parameters"]
-        outside += sum(not found[name]["low"] <= value <= found[name]["high"] for name, value in truth.items())
-        assert found["random_walk"]["value"] == pytest.approx(density, rel=0.03)
-        walks.append(found["rate_random_walk"]["value"])
+        result = analysed(signal(noise(60_000, 100.0, density, walk, seed), 100.0))["parameters"]
+        outside += sum(not result[name]["low"] <= value <= result[name]["high"] for name, value in truth.items())
+        assert result["random_walk"]["value"] == pytest.approx(density, rel=0.03)
+        walks.append(result["rate_random_walk"]["value"])
     assert outside <= 4  # of 40 intervals of 95 %
     assert np.median(walks) == pytest.approx(walk, rel=0.25, abs=1e-9)
 
@@ -123,33 +123,33 @@ def test_the_parameters_of_known_noise_lie_in_their_intervals(density: float, wa
 def test_the_interval_of_a_deviation_holds_the_true_one() -> None:
     inside, total = 0, 0
     for seed in range(20):
-        found = analysed(signal(noise(20_000, 100.0, 1.0, 0.0, seed), 100.0))
-        true = 1 / np.sqrt(found["tau"])
-        inside += int(np.sum((found["low"] <= true) & (true <= np.array(found["high"]))))
+        result = analysed(signal(noise(20_000, 100.0, 1.0, 0.0, seed), 100.0))
+        true = 1 / np.sqrt(result["tau"])
+        inside += int(np.sum((result["low"] <= true) & (true <= np.array(result["high"]))))
         total += len(true)
     assert 0.9 <= inside / total <= 0.99
 
 
-def test_quantisation_and_a_ramp_are_told_apart() -> None:
+def test_quantisation_and_a_ramp_are_distinguished() -> None:
     draw = np.random.default_rng(3)
     step = np.diff(draw.uniform(-0.5, 0.5, 40_001)) * 0.02 * 100  # angle rounded to 0.02, at 100 Hz
     model = fit_noise(allan_curve([step], 100.0, averaging_lengths(40_000, 8)))
     assert model.parameters["quantisation"].value == pytest.approx(0.02 / math.sqrt(12), rel=0.05)
     ramp = noise(40_000, 100.0, 0.01, 0.0, 1) + np.arange(40_000) / 100 * 1e-3
-    found = analysed(signal(ramp, 100.0))
-    assert found["parameters"]["ramp"]["value"] == pytest.approx(1e-3, rel=0.05)
-    assert "The bias drifts by 3.7 °/s/h" in found["notes"][0]
+    results = analysed(signal(ramp, 100.0))
+    assert results["parameters"]["ramp"]["value"] == pytest.approx(1e-3, rel=0.05)
+    assert "The bias drifts by 3.7 °/s/h" in results["notes"][0]
 
 
-def test_motion_is_left_out_and_told() -> None:
+def test_motion_is_left_out_and_reported() -> None:
     still = noise(30_000, 100.0, 0.01, 0.0, 4)
     moved = still.copy()
     moved[10_000:11_000] += 20 * np.sin(np.arange(1000) / 20)
-    found, whole = analysed(signal(moved, 100.0)), analysed(signal(moved, 100.0), motion="include")
-    assert found["parameters"]["random_walk"]["value"] == pytest.approx(0.01, rel=0.05)
-    assert whole["adev"][5] > 10 * found["adev"][5]
-    assert 10.0 <= found["left_out"] <= 14.0
-    assert "of motion left out, 4 % of the range" in found["notes"][0]
+    results, whole = analysed(signal(moved, 100.0)), analysed(signal(moved, 100.0), motion="include")
+    assert results["parameters"]["random_walk"]["value"] == pytest.approx(0.01, rel=0.05)
+    assert whole["adev"][5] > 10 * results["adev"][5]
+    assert 10.0 <= results["left_out"] <= 14.0
+    assert "of motion left out, 4 % of the range" in results["notes"][0]
     assert analysed(signal(still, 100.0))["left_out"] == 0.0
 
 
@@ -157,30 +157,30 @@ def warmed(of: Signal, seed: int = 7, rise: float = 8.0) -> tuple[Signal, Floats
     """The signal in a device that warms up by `rise` °C within some minutes; and the temperature without its noise."""
     since = of.time - of.time[0]
     true = 22 + rise * (1 - np.exp(-since / 150))
-    told = np.round((true + np.random.default_rng(seed).normal(0, 0.05, len(true)))[::100] / 0.0625) * 0.0625
-    return replace(of, temperature=lambda: (of.time[::100], told)), true
+    report = np.round((true + np.random.default_rng(seed).normal(0, 0.05, len(true)))[::100] / 0.0625) * 0.0625
+    return replace(of, temperature=lambda: (of.time[::100], report)), true
 
 
 @each_row("walk", [0.0, 1e-4])
-def test_a_temperature_drift_is_removed_and_told_and_the_noise_is_as_without_it(walk: float) -> None:
+def test_a_temperature_drift_is_removed_and_reported_and_the_noise_is_as_without_it(walk: float) -> None:
     coefficient, density, n = 0.02, 0.01, 60_000
     inside = 0
     for seed in range(6):
         still = signal(noise(n, 100.0, density, walk, seed), 100.0)
         device, true = warmed(still)
         drifting = replace(device, values=still.values + coefficient * (true - true.mean()))
-        found, plain, kept = analysed(drifting), analysed(still), analysed(drifting, temperature="include")
-        drift = found["temperature_drift"]
+        results, plain, stored = analysed(drifting), analysed(still), analysed(drifting, temperature="include")
+        drift = results["temperature_drift"]
         assert drift["per_degree"] == pytest.approx(coefficient, rel=0.15)
         inside += abs(drift["per_degree"] - coefficient) <= 2.5 * drift["uncertainty"]
-        assert found["parameters"]["random_walk"]["value"] == pytest.approx(density, rel=0.05)
-        assert kept["adev"][-1] > 3 * plain["adev"][-1], "the drift would hide the noise"
+        assert results["parameters"]["random_walk"]["value"] == pytest.approx(density, rel=0.05)
+        assert stored["adev"][-1] > 3 * plain["adev"][-1], "the drift would hide the noise"
         if walk == 0:
-            assert found["adev"] == pytest.approx(plain["adev"], rel=0.5)
-            assert found["parameters"]["ramp"]["low"] == 0.0
-        assert "Temperature drift of +0.0" in found["notes"][0]
-        assert "between 22." in found["notes"][0]
-        assert "Set temperature to exclude" in kept["notes"][0]
+            assert results["adev"] == pytest.approx(plain["adev"], rel=0.5)
+            assert results["parameters"]["ramp"]["low"] == 0.0
+        assert "Temperature drift of +0.0" in results["notes"][0]
+        assert "between 22." in results["notes"][0]
+        assert "Set temperature to exclude" in stored["notes"][0]
     assert inside >= 5
 
 
@@ -199,10 +199,10 @@ def test_motion_while_a_device_warms_up_is_left_out_first() -> None:
     device, true = warmed(still)
     values = still.values + 0.02 * (true - true.mean())
     values[20_000:21_000] += 20 * np.sin(np.arange(1000) / 20)
-    found = analysed(replace(device, values=values))
-    assert found["temperature_drift"]["per_degree"] == pytest.approx(0.02, rel=0.1)
-    assert 10.0 <= found["left_out"] <= 14.0
-    assert len(found["notes"]) == 2
+    result = analysed(replace(device, values=values))
+    assert result["temperature_drift"]["per_degree"] == pytest.approx(0.02, rel=0.1)
+    assert 10.0 <= result["left_out"] <= 14.0
+    assert len(result["notes"]) == 2
 
 
 def test_the_temperature_is_that_of_the_same_device() -> None:
@@ -210,9 +210,9 @@ def test_the_temperature_is_that_of_the_same_device() -> None:
         return ChannelInfo(number, device, "M", name, name, "scalar", unit, "", [ColumnInfo("value", "f4", unit=unit)])
 
     gyro, own, other = info(3, "1", "Gyro", "°/s"), info(2, "1", "Temperature", "°C"), info(1, "2", "Temperature", "°C")
-    found = temperature_of([other, gyro, own], SignalColumn(gyro, 0))
-    assert found is not None
-    assert found.info is own
+    result = temperature_of([other, gyro, own], SignalColumn(gyro, 0))
+    assert result is not None
+    assert result.info is own
     assert temperature_of([other, gyro], SignalColumn(gyro, 0)) is None
     assert temperature_of([other, gyro, own], SignalColumn(own, 0)) is None
 
@@ -220,15 +220,15 @@ def test_the_temperature_is_that_of_the_same_device() -> None:
 def test_nothing_is_computed_across_a_gap() -> None:
     values = noise(20_000, 100.0, 0.01, 0.0, 5)
     time = np.arange(20_000) / 100
-    kept = np.r_[0:8000, 8300:20_000]
-    found = analysed(signal(values[kept], 100.0, time[kept]), motion="include")
+    rows = np.r_[0:8000, 8300:20_000]
+    result = analysed(signal(values[rows], 100.0, time[rows]), motion="include")
     expected = allan_curve([values[:8000], values[8300:]], 100.0, averaging_lengths(11_700, 8))
-    assert found["adev"] == pytest.approx(expected.adev.tolist(), rel=1e-6)
-    assert found["gaps"] == 1
-    assert found["notes"][0] == "1 gap, 3 s in sum: nothing is computed across a gap."
+    assert result["adev"] == pytest.approx(expected.adev.tolist(), rel=1e-6)
+    assert result["gaps"] == 1
+    assert result["notes"][0] == "1 gap, 3 s in sum: nothing is computed across a gap."
 
 
-def test_jitter_is_told() -> None:
+def test_jitter_is_reported() -> None:
     draw = np.random.default_rng(6)
     time = np.arange(5000) / 100 + draw.normal(0, 0.002, 5000)
     [note] = analysed(signal(draw.normal(0, 1, 5000), 100.0, time))["notes"]
@@ -250,7 +250,7 @@ def test_samples_that_determine_nothing_are_refused(values: Floats, time: Floats
 
 
 def test_a_constant_signal_is_no_sensor_without_noise() -> None:
-    found = analysed(signal(np.full(1000, 9.81), 100.0))
-    assert max(found["adev"]) == pytest.approx(0.0, abs=1e-12)
-    assert found["obstacles"][0]["message"] == "Stuck: all 1000 samples are 9.81 °/s."
-    assert "parameters" not in found
+    results = analysed(signal(np.full(1000, 9.81), 100.0))
+    assert max(results["adev"]) == pytest.approx(0.0, abs=1e-12)
+    assert results["obstacles"][0]["message"] == "Stuck: all 1000 samples are 9.81 °/s."
+    assert "parameters" not in results

@@ -24,7 +24,7 @@ CHANNELS = [
 ]
 
 
-def found(values: Any, **options: Any) -> dict[str, Any]:
+def figures_for(values: Any, **options: Any) -> dict[str, Any]:
     analysis = analysis_named("intervals")
     numbers = np.asarray(values, np.float64)
     signal = Signal("Speed", "m/s", 0.0, START + np.arange(len(numbers)), numbers)
@@ -45,24 +45,24 @@ def slow(values: list[bool]) -> list[tuple[float, float]]:
 @given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(0, 9), st.integers(1, 9))
 def test_intervals_are_those_of_a_walk_along_the_samples(values: list[bool], offset: int, limit: int) -> None:
     expected = slow(values)
-    page = found(values, offset=offset, limit=limit)
+    page = figures_for(values, offset=offset, limit=limit)
     assert page["total"] == len(expected)
     assert page["samples"] == sum(values)
     assert list(zip(page["begin"], page["end"], strict=True)) == expected[offset : offset + limit]
-    backwards = found(values, offset=offset, limit=limit, order="descending")
+    backwards = figures_for(values, offset=offset, limit=limit, order="descending")
     assert list(zip(backwards["begin"], backwards["end"], strict=True)) == expected[::-1][offset : offset + limit]
 
 
 def test_the_next_and_the_previous_one_of_a_time() -> None:
     values = [0, 1, 1, 0, 1, 0, 0, 1]
-    assert found(values, after=START + 1, limit=1)["begin"] == [START + 4]
-    assert found(values, before=START + 4, order="descending", limit=1)["begin"] == [START + 1]
-    assert found(values, after=START + 7)["begin"] == []
+    assert figures_for(values, after=START + 1, limit=1)["begin"] == [START + 4]
+    assert figures_for(values, before=START + 4, order="descending", limit=1)["begin"] == [START + 1]
+    assert figures_for(values, after=START + 7)["begin"] == []
 
 
 def test_a_signal_is_no_condition() -> None:
     with pytest.raises(DomainError) as raised:
-        found([0.0, 0.5])
+        figures_for([0.0, 0.5])
     assert (raised.value.kind, raised.value.hint) == (
         "bad-expression",
         "Compare it with a value, for example Speed > 3 m/s.",

@@ -39,7 +39,7 @@ def white(n: int, seed: int = 1) -> Floats:
 @each_row(("length", "overlap"), [(256, 0.5), (255, 0.0), (512, 0.75)])
 def test_without_gaps_it_is_welch_of_scipy(window: str, detrend: str, length: int, overlap: float) -> None:
     values = white(5000) + np.arange(5000) * 1e-3 + 3
-    found, _ = analysed("psd", signal(values), window=window, detrend=detrend, length=length, overlap=overlap)
+    result, _ = analysed("psd", signal(values), window=window, detrend=detrend, length=length, overlap=overlap)
     frequency, psd = scipy_signal.welch(
         values,
         RATE,
@@ -48,17 +48,17 @@ def test_without_gaps_it_is_welch_of_scipy(window: str, detrend: str, length: in
         noverlap=int(length * overlap),
         detrend=False if detrend == "none" else detrend,
     )
-    assert found["frequency"] == pytest.approx(frequency, rel=1e-6)
-    assert found["psd"] == pytest.approx(psd, rel=1e-6, abs=1e-15)
+    assert result["frequency"] == pytest.approx(frequency, rel=1e-6)
+    assert result["psd"] == pytest.approx(psd, rel=1e-6, abs=1e-15)
 
 
 def test_the_power_of_noise_and_its_units() -> None:
-    found, units = analysed("psd", signal(2 * white(100_000)))
-    assert found["cumulative"][-1] == pytest.approx(2.0, rel=0.02)  # the rms of the signal
-    assert np.mean(found["psd"]) == pytest.approx(4 / (RATE / 2), rel=0.03)
+    result, units = analysed("psd", signal(2 * white(100_000)))
+    assert result["cumulative"][-1] == pytest.approx(2.0, rel=0.02)  # the rms of the signal
+    assert np.mean(result["psd"]) == pytest.approx(4 / (RATE / 2), rel=0.03)
     assert (units["psd"], units["cumulative"], units["peaks.frequency"]) == ("(m/s²)²/Hz", "m/s²", "Hz")
     root, units = analysed("psd", signal(2 * white(100_000)), scale="amplitude")
-    assert np.square(root["psd"]) == pytest.approx(found["psd"])
+    assert np.square(root["psd"]) == pytest.approx(result["psd"])
     assert units["psd"] == "m/s²/√Hz"
 
 
@@ -66,8 +66,8 @@ def test_the_power_of_noise_and_its_units() -> None:
 def test_the_interval_holds_the_true_density(overlap: float) -> None:
     inside, total = 0, 0
     for seed in range(40):
-        found, _ = analysed("psd", signal(white(4096, seed)), length=256, overlap=overlap)
-        low, high = np.array(found["low"][2:-2]), np.array(found["high"][2:-2])
+        result, _ = analysed("psd", signal(white(4096, seed)), length=256, overlap=overlap)
+        low, high = np.array(result["low"][2:-2]), np.array(result["high"][2:-2])
         inside += int(np.sum((low <= 1 / (RATE / 2)) & (high >= 1 / (RATE / 2))))
         total += len(low)
     assert 0.93 <= inside / total <= 0.97
@@ -81,12 +81,12 @@ def test_the_frequency_of_a_line_lies_in_its_interval() -> None:
         values = math.sqrt(2) * 0.3 * np.sin(2 * np.pi * frequency * time + draw.uniform(0, 6)) + draw.normal(
             0, 1, 20_000
         )
-        found, _ = analysed("psd", signal(values))
-        peak = found["peaks"][0]
+        result, _ = analysed("psd", signal(values))
+        peak = result["peaks"][0]
         inside += abs(peak["frequency"] - frequency) <= peak["uncertainty"]
         assert peak["rms"] == pytest.approx(0.3, rel=0.15)
         assert peak["aliases"][0] == pytest.approx(RATE - frequency, abs=0.1)
-        assert peak["uncertainty"] < RATE / found["length"]
+        assert peak["uncertainty"] < RATE / result["length"]
     assert inside >= 54
 
 
@@ -97,8 +97,8 @@ def test_harmonics_are_named() -> None:
         + sum(np.sin(2 * np.pi * 31.7 * order * time) / order for order in (1, 2, 3))
         + 0.3 * np.sin(2 * np.pi * 80 * time)
     )
-    found, _ = analysed("psd", signal(values))
-    by_order = {round(peak["frequency"], 1): (peak["order"], peak["harmonic_of"]) for peak in found["peaks"]}
+    results, _ = analysed("psd", signal(values))
+    by_order = {round(peak["frequency"], 1): (peak["order"], peak["harmonic_of"]) for peak in results["peaks"]}
     assert by_order[31.7] == (1, None)
     assert by_order[80.0] == (1, None)
     assert by_order[63.4] == (2, pytest.approx(31.7, abs=0.01))
@@ -115,17 +115,17 @@ def test_noise_has_no_peaks() -> None:
 
 def test_a_gap_is_not_bridged() -> None:
     time = np.arange(10_000) / RATE
-    kept = np.r_[0:4000, 4700:10_000]
+    rows = np.r_[0:4000, 4700:10_000]
     values = white(10_000)
-    found, _ = analysed("psd", signal(values[kept], time[kept]), length=512)
+    results, _ = analysed("psd", signal(values[rows], time[rows]), length=512)
     parts = [scipy_signal.welch(part, RATE, nperseg=512)[1] for part in (values[:4000], values[4700:])]
     counts = [(4000 - 512) // 256 + 1, (5300 - 512) // 256 + 1]
-    assert found["psd"] == pytest.approx(np.average(parts, axis=0, weights=counts), rel=1e-6)
-    assert found["segments"] == sum(counts)
-    assert "1 gap, 1.4 s in sum" in found["notes"][0]
+    assert results["psd"] == pytest.approx(np.average(parts, axis=0, weights=counts), rel=1e-6)
+    assert results["segments"] == sum(counts)
+    assert "1 gap, 1.4 s in sum" in results["notes"][0]
 
 
-def test_a_rising_end_of_the_spectrum_is_told() -> None:
+def test_a_rising_end_of_the_spectrum_is_reported() -> None:
     assert "may hold such parts" in analysed("psd", signal(white(20_000)))[0]["notes"][-1]
     smooth = scipy_signal.lfilter(np.ones(8) / 8, 1, white(20_000))
     assert "may hold such parts" not in analysed("psd", signal(smooth))[0]["notes"][-1]
@@ -134,33 +134,33 @@ def test_a_rising_end_of_the_spectrum_is_told() -> None:
 def test_an_angle_is_unwrapped() -> None:
     turning = np.arange(5000) * 0.7 + np.sin(2 * np.pi * 40 * np.arange(5000) / RATE)
     wrapped = (turning + 180) % 360 - 180
-    found, _ = analysed("psd", signal(wrapped, period=360.0), detrend="linear")
+    result, _ = analysed("psd", signal(wrapped, period=360.0), detrend="linear")
     expected, _ = analysed("psd", signal(turning), detrend="linear")
-    assert found["psd"] == pytest.approx(expected["psd"], rel=1e-6, abs=1e-12)
-    assert found["peaks"][0]["frequency"] == pytest.approx(40, abs=0.05)
+    assert result["psd"] == pytest.approx(expected["psd"], rel=1e-6, abs=1e-12)
+    assert result["peaks"][0]["frequency"] == pytest.approx(40, abs=0.05)
 
 
 def test_the_spectrogram_follows_a_chirp_in_the_time_of_the_samples() -> None:
     time = np.arange(20_000) / RATE
     values = scipy_signal.chirp(time, 10, 40, 200)
-    found, units = analysed("spectrogram", signal(values), length=256)
-    tops = np.array(found["frequency"])[np.argmax(found["psd"], axis=1)]
-    expected = 10 + 190 * (np.array(found["time"]) - START) / 40
-    assert np.abs(tops - expected).max() < 2 * found["resolution"]
-    assert np.mean(found["psd"], axis=0) == pytest.approx(
+    result, units = analysed("spectrogram", signal(values), length=256)
+    tops = np.array(result["frequency"])[np.argmax(result["psd"], axis=1)]
+    expected = 10 + 190 * (np.array(result["time"]) - START) / 40
+    assert np.abs(tops - expected).max() < 2 * result["resolution"]
+    assert np.mean(result["psd"], axis=0) == pytest.approx(
         scipy_signal.welch(values, RATE, nperseg=256)[1], rel=1e-6, abs=1e-12
     )
     assert units["time"] == "s"
 
 
-def test_the_spectrogram_has_no_column_in_a_gap_and_is_thinned_as_told() -> None:
+def test_the_spectrogram_has_no_column_in_a_gap_and_is_thinned_as_reported() -> None:
     time = np.arange(20_000) / RATE
-    kept = np.r_[0:8000, 10_000:20_000]
-    found, _ = analysed("spectrogram", signal(white(20_000)[kept], time[kept]), length=128, columns=50)
-    middle = np.array(found["time"]) - START
+    rows = np.r_[0:8000, 10_000:20_000]
+    results, _ = analysed("spectrogram", signal(white(20_000)[rows], time[rows]), length=128, columns=50)
+    middle = np.array(results["time"]) - START
     assert not np.any((middle > 16 - 0.13) & (middle < 20 + 0.12))
     assert len(middle) <= 50
-    assert "One of 6 segments is shown" in found["notes"][-1]
+    assert "One of 6 segments is shown" in results["notes"][-1]
 
 
 @each_row("name", ["psd", "spectrogram"])

@@ -40,7 +40,7 @@ def verdicts(signal: Signal, sheet: DataSheetNoise = SHEET) -> dict[str, tuple[s
     return {one["parameter"]: (one["state"], one["words"]) for one in figures["verdicts"]}
 
 
-def test_a_sensor_as_its_data_sheet_says_meets_it() -> None:
+def test_a_sensor_as_its_data_sheet_states_meets_it() -> None:
     state, words = verdicts(resting(0.005))["random_walk"]
     assert state == "met"
     assert "0.3 °/√h of the MTi-630 data sheet" in words
@@ -69,11 +69,11 @@ def test_a_figure_near_its_limit_is_left_open() -> None:
     assert "near the limit of the 0.3 °/√h of the MTi-630 data sheet. Record longer" in words
 
 
-def test_an_accelerometer_is_told_in_the_units_of_its_data_sheet() -> None:
+def test_an_accelerometer_is_judged_in_the_units_of_its_data_sheet() -> None:
     sheet = DataSheetNoise("MTi-630", 60e-6 * 9.80665, 15e-6 * 9.80665)
-    found = verdicts(resting(180e-6 * 9.80665, unit="m/s²"), sheet)
-    assert re.match(r"Random walk 0\.1\d* m/s/√h: (2\.9|3|3\.1) times the 0\.0353 m/s/√h", found["random_walk"][1])
-    assert "the 15 µg of the MTi-630 data sheet" in found["bias_instability"][1]
+    results = verdicts(resting(180e-6 * 9.80665, unit="m/s²"), sheet)
+    assert re.match(r"Random walk 0\.1\d* m/s/√h: (2\.9|3|3\.1) times the 0\.0353 m/s/√h", results["random_walk"][1])
+    assert "the 15 µg of the MTi-630 data sheet" in results["bias_instability"][1]
 
 
 def test_a_drift_leaves_the_bias_open() -> None:
@@ -134,28 +134,28 @@ def test_kalibr_reads_the_noisiest_axis_in_si_units() -> None:
         for k, axis in ((1, "x"), (2, "y"), (3, "z"))
     ]
     text = analysis_named("allan").text("kalibr", of_signals(*gyroscopes))
-    found = yaml.safe_load(text)
-    assert found["gyroscope_noise_density"] == pytest.approx(math.radians(0.015), rel=0.05)
-    assert found["gyroscope_random_walk"] == pytest.approx(math.radians(3e-3), rel=0.35)
-    assert found["update_rate"] == pytest.approx(RATE)
-    assert "accelerometer_noise_density" not in found
+    results = yaml.safe_load(text)
+    assert results["gyroscope_noise_density"] == pytest.approx(math.radians(0.015), rel=0.05)
+    assert results["gyroscope_random_walk"] == pytest.approx(math.radians(3e-3), rel=0.35)
+    assert results["update_rate"] == pytest.approx(RATE)
+    assert "accelerometer_noise_density" not in results
     assert "# No accelerometer was requested." in text
 
 
 def test_vins_reads_standard_deviations_of_samples() -> None:
     force = replace(resting(6e-4, unit="m/s²"), name="Acceleration.x")
     text = analysis_named("allan").text("vins", of_signals(force, resting(0.005)))
-    found = yaml.safe_load(text)
-    assert found["acc_n"] == pytest.approx(6e-4 * math.sqrt(RATE), rel=0.05)
-    assert found["gyr_n"] == pytest.approx(math.radians(0.005) * math.sqrt(RATE), rel=0.05)
-    assert 0 < found["acc_w"] < found["acc_n"]
+    result = yaml.safe_load(text)
+    assert result["acc_n"] == pytest.approx(6e-4 * math.sqrt(RATE), rel=0.05)
+    assert result["gyr_n"] == pytest.approx(math.radians(0.005) * math.sqrt(RATE), rel=0.05)
+    assert 0 < result["acc_w"] < result["acc_n"]
     assert "at most: the curve does not show it" in text
 
 
 def test_covariances_are_the_variance_of_samples_on_each_axis() -> None:
     axes = [replace(resting(1e-3 * k, unit="m/s²", seed=k), name=f"Acceleration.{k}") for k in (1, 2, 3)]
-    found = yaml.safe_load(analysis_named("allan").text("robot_localization", of_signals(*axes)))
-    matrix = np.array(found["linear_acceleration_covariance"]).reshape(3, 3)
+    result = yaml.safe_load(analysis_named("allan").text("robot_localization", of_signals(*axes)))
+    matrix = np.array(result["linear_acceleration_covariance"]).reshape(3, 3)
     assert np.diag(matrix) == pytest.approx([1e-6 * RATE, 4e-6 * RATE, 9e-6 * RATE], rel=0.1)
     assert np.count_nonzero(matrix) == 3
 

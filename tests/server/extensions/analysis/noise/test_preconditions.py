@@ -99,23 +99,23 @@ WRONG = [
 
 
 @each_row(("fault", "words", "more"), [row[1:] for row in WRONG], ids=[row[0] for row in WRONG])
-def test_what_is_wrong_prevents_a_verdict_and_is_said(fault: Fault, words: str, more: dict[str, Any]) -> None:
+def test_what_is_wrong_prevents_a_verdict_and_is_reported(fault: Fault, words: str, more: dict[str, Any]) -> None:
     """Regression: a swinging and a dead sensor met the data sheet, and a vibration line became its noise."""
     sensor = at_rest(7, **more.get("of", {}))
     fault(sensor)
     sensor.sends = more.get("sends", EVERYTHING)
     name = more.get("signal", "RateOfTurn.x")
-    found = judged(sensor, name)
-    first = found["obstacles"][0]
+    results = judged(sensor, name)
+    first = results["obstacles"][0]
     assert words in first["message"]
     assert first["hint"].endswith((".",))
-    assert {one["state"] for one in found["verdicts"]} == {"open"}
-    assert all(first["message"] in one["words"] for one in found["verdicts"])
-    assert len(found["adev"]) == len(found["tau"]) > 5, "the curve is drawn in any case"
-    assert not {"parameters", "model"} & set(found)
+    assert {one["state"] for one in results["verdicts"]} == {"open"}
+    assert all(first["message"] in one["words"] for one in results["verdicts"])
+    assert len(results["adev"]) == len(results["tau"]) > 5, "the curve is drawn in any case"
+    assert not {"parameters", "model"} & set(results)
     for text in ("kalibr", "vins", "robot_localization"):
         with pytest.raises(DomainError) as raised:
-            analysis_named("allan").text(text, [FiguresOfSignal(name, "°/s", found)])
+            analysis_named("allan").text(text, [FiguresOfSignal(name, "°/s", results)])
         assert raised.value.message == f"{name}: {first['message']}"
         assert raised.value.hint == first["hint"]
 
@@ -132,18 +132,18 @@ HONEST = [
 
 @each_row(("noise", "signal", "states"), [row[1:] for row in HONEST], ids=[row[0] for row in HONEST])
 def test_an_honest_sensor_gets_its_verdict(noise: dict[str, float], signal: str, states: list[str]) -> None:
-    found = judged(at_rest(4, **noise), signal)
-    assert "obstacles" not in found
-    assert [one["state"] for one in found["verdicts"]] == states, found["verdicts"]
-    assert found["unchecked"] == ""
+    results = judged(at_rest(4, **noise), signal)
+    assert "obstacles" not in results
+    assert [one["state"] for one in results["verdicts"]] == states, results["verdicts"]
+    assert results["unchecked"] == ""
 
 
-def test_of_a_sensor_in_motion_only_that_is_said() -> None:
+def test_of_a_sensor_in_motion_only_that_is_reported() -> None:
     """Regression: four sentences for one motion hid what to do."""
     sensor = at_rest(7, seconds=49.0)
     carried(sensor, 0.76)
-    [found] = judged(sensor)["obstacles"]
-    assert found == {"check": "motion", "message": "Moving: 39 s of 49 s.", "hint": LAY_DOWN}
+    [result] = judged(sensor)["obstacles"]
+    assert result == {"check": "motion", "message": "Moving: 39 s of 49 s.", "hint": LAY_DOWN}
 
 
 def test_a_short_motion_on_another_axis_is_left_out_of_all() -> None:
@@ -165,7 +165,7 @@ def test_motion_is_a_part_of_the_samples_not_of_the_time_between_two_ranges() ->
     assert note.endswith(", 20 % of the range.") or note.endswith(", 21 % of the range.")
 
 
-def test_what_could_not_be_looked_at_is_stated() -> None:
+def test_what_could_not_be_examined_is_stated() -> None:
     sensor = at_rest(7)
     sensor.sends = ("force", "temperature")
     assert (
@@ -185,9 +185,9 @@ def test_the_number_of_a_met_verdict_is_not_the_larger_one() -> None:
     assert bias["state"] == "met"
     assert near["verdicts"][1]["state"] == "open"
     for seed in range(8):
-        found = judged(at_rest(seed, seconds=900.0))
-        assert found["verdicts"][1]["state"] == "met"
-        assert found["parameters"]["bias_instability"]["high"] * math.sqrt(2 * math.log(2) / math.pi) <= B_SHEET
+        result = judged(at_rest(seed, seconds=900.0))
+        assert result["verdicts"][1]["state"] == "met"
+        assert result["parameters"]["bias_instability"]["high"] * math.sqrt(2 * math.log(2) / math.pi) <= B_SHEET
 
 
 def test_the_command_line_prints_what_prevents_a_verdict() -> None:
@@ -240,14 +240,14 @@ def test_a_hand_swung_sensor_has_no_verdict_on_any_axis(captures: Path, capsys: 
 
     Regression: two of its axes lost 3 s to motion, the third none, and it had a random walk of 193 °/s²/√Hz.
     """
-    found = found_in(captures / "xbus" / "mti_100hz_49s.bin", AXES, capsys)
+    path = found_in(captures / "xbus" / "mti_100hz_49s.bin", AXES, capsys)
     for name in AXES:
-        [first, *_] = found[name]["obstacles"]
+        [first, *_] = path[name]["obstacles"]
         words = re.fullmatch(r"Moving: ([\d.]+) s of ([\d.]+) s\.", first["message"])
         assert words is not None, (name, first)
         assert float(words[2]) == pytest.approx(48, abs=1)
         assert 0.5 < float(words[1]) / float(words[2]) < 0.8
-        assert "parameters" not in found[name]
+        assert "parameters" not in path[name]
 
 
 @each_row("name", ["mti_float32", "mti_float32_satinfo_ecef"])
@@ -255,8 +255,8 @@ def test_a_second_of_a_real_sensor_has_no_verdict(
     name: str, captures: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     signals = ["FreeAcceleration.x", "FreeAcceleration.z"] if "ecef" in name else AXES
-    found = found_in(captures / "xbus" / f"{name}.bin", signals, capsys)
-    for one in found.values():
+    path = found_in(captures / "xbus" / f"{name}.bin", signals, capsys)
+    for one in path.values():
         assert one["obstacles"][0]["message"].startswith("Too short: 0.9")
         assert "parameters" not in one
 
@@ -278,10 +278,10 @@ def test_a_turning_sensor_that_is_stuck_on_other_axes_has_no_verdict(
     file = captures.parent / "field" / name
     if not file.exists():
         pytest.skip(f"{file} is not there")
-    found = found_in(file, [f"{turn}.{axis}" for axis in "xyz"] + [f"{force}.{axis}" for axis in "xyz"], capsys)
-    said = {signal: one["obstacles"][0]["message"] for signal, one in found.items()}
-    moving = said.pop(f"{turn}.x")
+    results = found_in(file, [f"{turn}.{axis}" for axis in "xyz"] + [f"{force}.{axis}" for axis in "xyz"], capsys)
+    texts = {signal: one["obstacles"][0]["message"] for signal, one in results.items()}
+    moving = texts.pop(f"{turn}.x")
     assert re.match("Moving|Too short: 4 s|Swinging|Vibration", moving), moving
-    for message in said.values():
+    for message in texts.values():
         assert re.fullmatch(r"Stuck: all 400 samples are -?[\d.]+( m/s²| °/s| rad/s)?\.", message), message
-    assert not any("parameters" in one for one in found.values())
+    assert not any("parameters" in one for one in results.values())

@@ -77,17 +77,17 @@ def test_one_motion_of_devices_with_other_axes_has_no_difference(name: str, a: s
 
 
 def test_attitudes_of_other_worlds_and_bodies_are_one() -> None:
-    found = of("q").signals[-1]
-    assert found.signal == "Attitude"
-    assert found.figures["max"] == pytest.approx(0, abs=1e-5)
-    assert found.figures["mounting"] == pytest.approx(0, abs=1e-5)
+    result = of("q").signals[-1]
+    assert result.signal == "Attitude"
+    assert result.figures["max"] == pytest.approx(0, abs=1e-5)
+    assert result.figures["mounting"] == pytest.approx(0, abs=1e-5)
 
 
 def test_correlation_is_of_the_same_axes() -> None:
     """Regression: FLU was correlated with FRD, to 0.53."""
-    found = of("acc", align="correlation")
-    assert found.correlation == pytest.approx(1.0)
-    assert found.offset == pytest.approx(0.0, abs=1e-3)
+    result = of("acc", align="correlation")
+    assert result.correlation == pytest.approx(1.0)
+    assert result.offset == pytest.approx(0.0, abs=1e-3)
 
 
 def test_what_is_along_other_worlds_is_not_subtracted() -> None:

@@ -26,48 +26,48 @@ def signal(time: Any, values: Any, period: float = 0.0, name: str = "a") -> Sign
 
 def test_signals_with_the_same_times_are_paired_sample_by_sample() -> None:
     time = np.arange(10) * 0.1
-    found = paired(signal(time, np.arange(10)), signal(time, -np.arange(10.0)), "interpolated")
-    assert (found.x == -found.y).all()
-    assert found.leader == ""
-    assert found.starts.tolist() == [True] + 9 * [False]
+    result = paired(signal(time, np.arange(10)), signal(time, -np.arange(10.0)), "interpolated")
+    assert (result.x == -result.y).all()
+    assert result.leader == ""
+    assert result.starts.tolist() == [True] + 9 * [False]
 
 
 @each_row("swapped", [False, True])
 def test_the_slower_one_is_interpolated_as_numpy_does(swapped: bool) -> None:
     fast, slow = np.arange(0, 10, 0.013), np.arange(0.005, 9.9, 0.2)
     a, b = signal(fast, np.sin(fast), name="fast"), signal(slow, slow**2, name="slow")
-    found = paired(b, a, "interpolated") if swapped else paired(a, b, "interpolated")
+    result = paired(b, a, "interpolated") if swapped else paired(a, b, "interpolated")
     within = (fast + START >= b.time[0]) & (fast + START <= b.time[-1])
-    assert found.leader == "fast"
-    assert found.time == pytest.approx(a.time[within])
-    x, y = (found.y, found.x) if swapped else (found.x, found.y)
+    assert result.leader == "fast"
+    assert result.time == pytest.approx(a.time[within])
+    x, y = (result.y, result.x) if swapped else (result.x, result.y)
     assert x == pytest.approx(a.values[within])
     assert y == pytest.approx(np.interp(a.time[within], b.time, b.values))
 
 
 def test_the_nearest_sample_may_be_before_or_after() -> None:
-    found = paired(signal(np.arange(21) * 0.1, np.zeros(21)), signal([0, 1, 2], [5, 6, 7]), "nearest")
-    assert found.y.tolist() == 5 * [5.0] + 10 * [6.0] + 6 * [7.0]
+    result = paired(signal(np.arange(21) * 0.1, np.zeros(21)), signal([0, 1, 2], [5, 6, 7]), "nearest")
+    assert result.y.tolist() == 5 * [5.0] + 10 * [6.0] + 6 * [7.0]
 
 
 def test_nothing_is_paired_across_a_gap_and_the_line_breaks() -> None:
     fast = np.arange(0, 10, 0.1)
     slow = np.concatenate([np.arange(0, 3.5, 0.5), np.arange(7, 10.1, 0.5)])
-    found = paired(signal(fast, fast), signal(slow, slow), "interpolated")
-    hole = (found.time - START > 3.01) & (found.time - START < 6.99)
+    result = paired(signal(fast, fast), signal(slow, slow), "interpolated")
+    hole = (result.time - START > 3.01) & (result.time - START < 6.99)
     assert not hole.any()
-    assert np.flatnonzero(found.starts).tolist() == [0, 31]
+    assert np.flatnonzero(result.starts).tolist() == [0, 31]
     leading = np.delete(fast, np.arange(40, 60))
     broken = paired(signal(leading, leading), signal(leading, leading), "interpolated")
     assert np.flatnonzero(broken.starts).tolist() == [0, 40]
 
 
 def test_an_angle_is_interpolated_the_short_way_round() -> None:
-    found = paired(
+    result = paired(
         signal(np.arange(5) * 0.25, np.zeros(5)), signal([0, 1], [170.0, -170.0], period=360.0), "interpolated"
     )
-    assert found.y == pytest.approx([170, 175, -180, -175, -170])
-    assert found.starts.tolist() == [True, False, True, False, False]
+    assert result.y == pytest.approx([170, 175, -180, -175, -170])
+    assert result.starts.tolist() == [True, False, True, False, False]
 
 
 @given(
@@ -107,31 +107,31 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServe
         yield running
 
 
-def ask(running: InProcessServer, **body: Any) -> Any:
+def send_request(running: InProcessServer, **body: Any) -> Any:
     return running.client.post("/api/analysis/pairs", json={"source": "turn", **body})
 
 
 def test_pairs_of_a_recording(running: InProcessServer) -> None:
     east, north = (next(name for name in running.signals_of("turn") if word in name) for word in ("east", "north"))
-    told = ask(running, x={"signal": east}, y={"signal": north}, t0=START + 1, t1=START + 30).json()
-    assert told["n"] == 14_501
-    assert len(told["x"]) == len(told["time"]) <= 6000
-    assert told["x_unit"] == told["y_unit"] == "m"
-    assert told["starts"] == [0]
-    assert (told["t0"], told["time"][-1]) == (pytest.approx(START + 1), pytest.approx(29))
-    assert np.hypot(told["x"], told["y"]) == pytest.approx(np.full(len(told["x"]), 3.0), abs=1e-5)
-    angle = np.unwrap(np.arctan2(told["y"], told["x"]))
-    assert angle == pytest.approx(np.array(told["time"]) + angle[0], abs=1e-5)
-    assert [max(told["x"]), min(told["y"])] == pytest.approx([3, -3], abs=1e-5)
-    both = ask(running, x={"signal": f'"{east}" * 2'}, y={"signal": north}, points=60).json()
+    answer = send_request(running, x={"signal": east}, y={"signal": north}, t0=START + 1, t1=START + 30).json()
+    assert answer["n"] == 14_501
+    assert len(answer["x"]) == len(answer["time"]) <= 6000
+    assert answer["x_unit"] == answer["y_unit"] == "m"
+    assert answer["starts"] == [0]
+    assert (answer["t0"], answer["time"][-1]) == (pytest.approx(START + 1), pytest.approx(29))
+    assert np.hypot(answer["x"], answer["y"]) == pytest.approx(np.full(len(answer["x"]), 3.0), abs=1e-5)
+    angle = np.unwrap(np.arctan2(answer["y"], answer["x"]))
+    assert angle == pytest.approx(np.array(answer["time"]) + angle[0], abs=1e-5)
+    assert [max(answer["x"]), min(answer["y"])] == pytest.approx([3, -3], abs=1e-5)
+    both = send_request(running, x={"signal": f'"{east}" * 2'}, y={"signal": north}, points=60).json()
     assert len(both["x"]) <= 60
     assert max(both["x"]) == pytest.approx(6, abs=1e-4)
 
 
 def test_a_wrong_pair_is_refused(running: InProcessServer) -> None:
     [east, *_] = running.signals_of("turn")
-    assert_problem(ask(running, x={"signal": east}, y={"signal": "Speed"}), 404, "not-found")
-    assert_problem(ask(running, x={"signal": east, "part": 1}, y={"signal": east}), 422, "bad-value")
-    assert_problem(ask(running, x={"signal": east}, y={"signal": east}, pairing="guess"), 422, "bad-request")
-    empty = ask(running, x={"signal": east}, y={"signal": east}, t0=5, t1=6).json()
+    assert_problem(send_request(running, x={"signal": east}, y={"signal": "Speed"}), 404, "not-found")
+    assert_problem(send_request(running, x={"signal": east, "part": 1}, y={"signal": east}), 422, "bad-value")
+    assert_problem(send_request(running, x={"signal": east}, y={"signal": east}, pairing="guess"), 422, "bad-request")
+    empty = send_request(running, x={"signal": east}, y={"signal": east}, t0=5, t1=6).json()
     assert (empty["n"], empty["x"], empty["starts"]) == (0, [], [])

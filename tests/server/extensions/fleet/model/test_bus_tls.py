@@ -78,8 +78,8 @@ def versions(server: ServerProcess) -> dict[str, str]:
 def reports(server: ServerProcess) -> dict[str, int]:
     """Reports received, by what became of them."""
     lines = get(f"{server.url}/metrics").text
-    found = re.findall(r'imuscope_fleet_reports_total{result="(\w+)"} (\d+)', lines)
-    return {result: int(count) for result, count in found}
+    matches = re.findall(r'imuscope_fleet_reports_total{result="(\w+)"} (\d+)', lines)
+    return {result: int(count) for result, count in matches}
 
 
 def test_robots_join_over_tls_with_passwords(tmp_path: Path, authority: Authority) -> None:

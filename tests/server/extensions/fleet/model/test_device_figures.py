@@ -69,7 +69,7 @@ def test_a_protocol_without_counters_has_no_loss_until_some_is_lost() -> None:
     assert device.publish({"a": 190}, lost=10)[1] == pytest.approx(0.1)
 
 
-def test_a_session_that_begins_anew_is_counted_anew() -> None:
+def test_a_session_that_begins_again_is_counted_again() -> None:
     device = Figures("idtp")
     device.publish({"a": 5000}, lost=50)
     device.time += 1.0

@@ -71,14 +71,14 @@ def started(folder: Path, limit: int = LIMIT) -> Journal:
 
 def texts(journal: Journal, boot: str = "", after: int = 0) -> list[str]:
     """What a fleet server that has nothing would store."""
-    found: list[str] = []
+    results: list[str] = []
     while True:
         answer = decode_journal(journal.answer(boot, after, 400, earlier=True))
-        found += [event.text for report in answer.reports for event in report.events]
+        results += [event.text for report in answer.reports for event in report.events]
         boot, after = answer.boot, max(after if answer.boot == boot else 0, *(one.number for one in answer.reports), 0)
         if after >= answer.last:
             if not answer.following:
-                return found
+                return results
             boot, after = answer.following, 0
 
 
@@ -93,10 +93,10 @@ def test_killed_at_any_moment_what_was_written_is_there(tmp_path: Path) -> None:
             at_least = chance.randrange(1, 300)
             block_until(lambda: len(stored(tmp_path).get(boots[-1], [])) >= at_least, "reports are on disk")  # noqa: B023
             process.send_signal(signal.SIGKILL)
-        found = stored(tmp_path)
-        assert list(found) == boots
-        assert len(found[boots[-1]]) >= at_least
-        assert all(numbers == list(range(1, len(numbers) + 1)) for numbers in found.values())
+        results = stored(tmp_path)
+        assert list(results) == boots
+        assert len(results[boots[-1]]) >= at_least
+        assert all(numbers == list(range(1, len(numbers) + 1)) for numbers in results.values())
 
 
 def test_a_robot_that_restarts_has_its_earlier_runs(tmp_path: Path) -> None:
@@ -143,9 +143,9 @@ def test_the_files_are_bounded(tmp_path: Path) -> None:
     journal.close()
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 20_000
     again = started(tmp_path, limit=20_000)
-    found = texts(again)
-    assert found == [f"{number:050}" for number in range(600 - len(found), 600)]
-    assert len(found) > 50
+    results = texts(again)
+    assert results == [f"{number:050}" for number in range(600 - len(results), 600)]
+    assert len(results) > 50
     again.close()
 
 
@@ -172,10 +172,10 @@ def test_files_that_were_joined_when_the_robot_was_killed_count_once(tmp_path: P
         files.append(boot, journal._runs[0].reports, 0)
     files.close()
     old = sorted(tmp_path.iterdir())[0]
-    kept = old.read_bytes()
+    copy = old.read_bytes()
     again = JournalFiles(tmp_path, LIMIT)
     again._join(again.load())
-    old.write_bytes(kept)
+    old.write_bytes(copy)
     assert stored(tmp_path) == {"a" * 16: [1], "b" * 16: [1]}
 
 
@@ -200,8 +200,8 @@ def test_a_damaged_file_gives_what_is_before_the_damage(
         data[int(place * len(data))] ^= value
     del data[int(cut * len(data)) :]
     path.write_bytes(bytes(data))
-    found: list[StoredRun] = JournalFiles(folder, LIMIT).load()
-    numbers = [number for run in found for number, _ in run.reports]
+    results: list[StoredRun] = JournalFiles(folder, LIMIT).load()
+    numbers = [number for run in results for number, _ in run.reports]
     assert numbers == list(range(1, len(numbers) + 1))
     if bytes(data) == whole:
         assert len(numbers) == 10
@@ -212,7 +212,7 @@ def test_a_damaged_file_gives_what_is_before_the_damage(
     assert again.boot in stored(folder)
 
 
-def test_a_full_disk_is_told_once_and_written_to_when_there_is_room(
+def test_a_full_disk_is_reported_once_and_written_to_when_there_is_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.01)
@@ -262,10 +262,10 @@ def test_a_robot_that_was_killed_while_its_line_was_away_loses_nothing(tmp_path:
         file = sqlite3.connect(database)
         rows = file.execute("SELECT DISTINCT boot, number FROM events WHERE number > 0 ORDER BY id").fetchall()
         file.close()
-        found: dict[str, list[int]] = {}
+        results: dict[str, list[int]] = {}
         for boot, number in rows:
-            found.setdefault(boot, []).append(number)
-        return found
+            results.setdefault(boot, []).append(number)
+        return results
 
     with ServerProcess(data=tmp_path / "fleet", arguments=("--listen", bus), command="fleet") as server, robot():
         block_until(lambda: len(received()) == 3, "the events of all runs are stored")
@@ -290,9 +290,9 @@ def test_a_file_that_was_cut_anywhere_gives_what_is_whole(tmp_path: Path) -> Non
     files.append(journal.boot, journal._runs[0].reports, 0)
     files.close()
     [path] = (tmp_path / "whole").iterdir()
-    data, found = path.read_bytes(), []
+    data, result = path.read_bytes(), []
     for end in range(len(data)):
         path.write_bytes(data[:end])
-        found.append(sum(len(run.reports) for run in JournalFiles(tmp_path / "whole", LIMIT).load()))
-    assert found == sorted(found)
-    assert set(found) == {0, 1, 2}
+        result.append(sum(len(run.reports) for run in JournalFiles(tmp_path / "whole", LIMIT).load()))
+    assert result == sorted(result)
+    assert set(result) == {0, 1, 2}

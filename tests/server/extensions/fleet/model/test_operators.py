@@ -13,7 +13,7 @@ from imuscope.server.extensions.fleet.model.access import FleetAccessError
 from imuscope.server.extensions.fleet.model.operators import Operators, read_operators
 from imuscope.server.settings.config import Config
 from tests.server.extensions.fleet.robot_with_pages import CONTROL, VIEW, base, commands, fleet_of, token
-from tests.support.asgi_client import Answer, Reached, ask
+from tests.support.asgi_client import Answer, Reached, send_request
 from tests.support.each_row import each_row
 from tests.support.timeouts import PATIENCE_S, get
 from tests.support.waiting import block_until
@@ -42,11 +42,11 @@ def guarded(folder: Path, reached: Reached) -> Guard:
     return Guard(reached, access)
 
 
-def asked(guard: Guard, method: str, path: str, secret: str) -> Answer:
+def answer_to(guard: Guard, method: str, path: str, secret: str) -> Answer:
     headers = {"authorization": f"Bearer {secret}"}
     if method not in ("GET", "WS"):
         headers |= {"content-type": "application/json", "content-length": "2"}
-    return ask(guard, method, path, headers)
+    return send_request(guard, method, path, headers)
 
 
 def test_an_operator_commands_the_robots_of_own_groups_only(tmp_path: Path) -> None:
@@ -55,12 +55,12 @@ def test_an_operator_commands_the_robots_of_own_groups_only(tmp_path: Path) -> N
     groups = {ADA: {"otters", "foxes"}, BEN: {"foxes"}}
     robots = (*ROBOTS, "unknown")
     for (method, path), robot, secret in itertools.product(COMMANDS, robots, (ADA, BEN, CONTROL, VIEW)):
-        answer = asked(guard, method, path.format(robot), secret)
+        answer = answer_to(guard, method, path.format(robot), secret)
         may = secret == CONTROL or ROBOTS.get(robot) in groups.get(secret, set())
         assert answer.status == (200 if may else 403), (method, path, robot, secret)
     for rollout, secret in itertools.product((*ROLLOUTS, "3"), (ADA, BEN)):
         may = ROLLOUTS.get(rollout) in groups[secret]
-        answer = asked(guard, "POST", f"/api/fleet/rollouts/{rollout}/stop", secret)
+        answer = answer_to(guard, "POST", f"/api/fleet/rollouts/{rollout}/stop", secret)
         assert answer.status == (200 if may else 403), (rollout, secret)
 
 
@@ -78,7 +78,7 @@ def test_an_operator_commands_the_robots_of_own_groups_only(tmp_path: Path) -> N
 )
 def test_an_operator_commands_nothing_else(tmp_path: Path, method: str, path: str) -> None:
     reached = Reached()
-    answer = asked(guarded(tmp_path, reached), method, path, ADA)
+    answer = answer_to(guarded(tmp_path, reached), method, path, ADA)
     assert answer.status == 403 or reached.role in ("", "open")
 
 
@@ -92,7 +92,7 @@ def test_an_operator_sees_everything(tmp_path: Path) -> None:
         ("GET", "/robots/otter/api/build", "control"),
         ("WS", "/robots/otter/ws", "control"),
     ):
-        asked(guard, method, path, ADA)
+        answer_to(guard, method, path, ADA)
         assert reached.role == role, path
 
 
@@ -101,20 +101,20 @@ def test_a_removed_line_revokes_at_once_and_a_damaged_file_revokes_all(tmp_path:
     guard = guarded(tmp_path, reached)
     file = tmp_path / "operators.txt"
     path = "/robots/fox/api/devices/1/read"
-    assert asked(guard, "POST", path, BEN).status == 200
+    assert answer_to(guard, "POST", path, BEN).status == 200
     file.write_text(LINES.splitlines()[0])
-    assert asked(guard, "POST", path, BEN).status == 401
-    assert asked(guard, "POST", path, ADA).status == 200
+    assert answer_to(guard, "POST", path, BEN).status == 401
+    assert answer_to(guard, "POST", path, ADA).status == 200
     file.write_text("ada")
-    assert asked(guard, "POST", path, ADA).status == 401
+    assert answer_to(guard, "POST", path, ADA).status == 401
     file.write_text(LINES + "\n")
-    assert asked(guard, "POST", path, BEN).status == 200
+    assert answer_to(guard, "POST", path, BEN).status == 200
     file.unlink()
-    assert asked(guard, "POST", path, BEN).status == 401
+    assert answer_to(guard, "POST", path, BEN).status == 401
 
 
 @each_row(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("ada", "Line 1 of .*: give NAME:TOKEN:GROUP,GROUP"),
         (f"\n:{ADA}:otters", "Line 2 of .*the name is missing"),
@@ -125,9 +125,9 @@ def test_a_removed_line_revokes_at_once_and_a_damaged_file_revokes_all(tmp_path:
         (LINES + f"ada:{ADA}x:otters", "the name or the token of ada is listed twice"),
     ],
 )
-def test_a_line_that_is_not_valid_is_named(tmp_path: Path, text: str, said: str) -> None:
+def test_a_line_that_is_not_valid_is_named(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "operators.txt").write_text(text)
-    with pytest.raises(FleetAccessError, match=said):
+    with pytest.raises(FleetAccessError, match=message):
         read_operators(tmp_path / "operators.txt")
     with pytest.raises(FleetAccessError, match="cannot be read"):
         read_operators(tmp_path / "none.txt")
@@ -137,8 +137,8 @@ def test_a_command_is_logged_with_the_name_of_the_operator_on_both_ends(tmp_path
     with fleet_of(tmp_path, "control", operators=LINES) as (server, _, _):
         there = base(server)
         block_until(lambda: get(f"{there}/api/devices").json()[0]["serial_number"], "the device is shown")
-        seen = {secret: get(f"{there}/api/build", headers=token(secret)).json()["role"] for secret in (ADA, BEN)}
-        assert seen == {ADA: "control", BEN: "view"}
+        counts = {secret: get(f"{there}/api/build", headers=token(secret)).json()["role"] for secret in (ADA, BEN)}
+        assert counts == {ADA: "control", BEN: "view"}
         read = f"{there}/api/devices/1/read"
         refused = httpx.post(read, json={}, headers=token(BEN), timeout=PATIENCE_S)
         assert (refused.status_code, refused.json()["message"]) == (403, "The token of ben does not command this.")

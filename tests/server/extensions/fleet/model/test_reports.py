@@ -173,13 +173,13 @@ def test_long_events_in_another_script_fit_into_reports() -> None:
     journal = Journal()
     for _ in range(100):
         journal.add_event(RobotEvent(1.0, "text", "warning", "観" * 500))
-    taken = 0
+    count = 0
     while journal.has_events:
-        taken += len(decode_report(journal.report(1.0, None)).events)
-    assert (taken, journal.dropped) == (100, 0)
+        count += len(decode_report(journal.report(1.0, None)).events)
+    assert (count, journal.dropped) == (100, 0)
 
 
-def test_a_status_that_nobody_could_read_is_left_out() -> None:
+def test_a_status_that_no_one_could_read_is_left_out() -> None:
     journal = Journal()
     wrong = RobotStatus(devices=(RobotDevice("1", "MTi-630", "live", rate=math.nan),))
     report = decode_report(journal.report(1.0, wrong))

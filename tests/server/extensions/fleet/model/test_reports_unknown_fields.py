@@ -52,14 +52,14 @@ def later_report(**changed: Any) -> dict[str, Any]:
 def test_words_and_fields_of_later_versions_are_taken(
     kind: str, level: str, state: str, status: str, more: dict[str, Any]
 ) -> None:
-    given = later_report(kind=kind, level=level, state=state, status=status, more=more)
-    report = decode_report(msgspec.msgpack.encode(given))
+    source = later_report(kind=kind, level=level, state=state, status=status, more=more)
+    report = decode_report(msgspec.msgpack.encode(source))
     assert report.status is not None
     (event,), (alarm,), (device,) = report.events, report.status.alarms, report.status.devices
     assert (event.kind, event.level, alarm.state, device.status) == (kind, level, state, status)
     assert len(report.status.more) == len(device.more) == min(len(more), MAX_MORE)
     assert all(len(text) <= MAX_TEXT for text in device.more.values())
-    journal = msgspec.msgpack.encode({"boot": BOOT, "first": 1, "last": 1, "reports": [given]})
+    journal = msgspec.msgpack.encode({"boot": BOOT, "first": 1, "last": 1, "reports": [source]})
     assert decode_journal(journal).reports == (report,)
     assert decode_journal(encode(JournalAnswer(BOOT, 1, 1, (report,)))).reports == (report,)
     stored = msgspec.msgpack.encode(report.status)  # in the database of the fleet server
@@ -67,7 +67,7 @@ def test_words_and_fields_of_later_versions_are_taken(
 
 
 @given(words, words, fields)
-def test_the_page_is_told_them_as_they_are(status: str, level: str, more: dict[str, Any]) -> None:
+def test_the_page_receives_them_as_they_are(status: str, level: str, more: dict[str, Any]) -> None:
     robots = Robots(lambda: 1_700_000_000.0)
     collector = Collector(robots, [], lambda: 1_700_000_000.0)
     collector.on_token(keys.token_key("otter", BOOT), alive=True)
@@ -111,6 +111,6 @@ def test_a_skipped_field_that_cannot_be_read_does_not_spoil_the_report() -> None
     assert report.status.more == {}
 
 
-def test_a_robot_of_this_version_says_nothing_unknown() -> None:
+def test_a_robot_of_this_version_states_nothing_unknown() -> None:
     report = decode_report(Journal().report(1.0, RobotStatus(version="1.0")))
     assert not unknown_parts(report)

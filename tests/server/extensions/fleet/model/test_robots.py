@@ -87,17 +87,17 @@ def test_a_robot_that_comes_back_is_not_gone(robots: Robots) -> None:
     before = robots.revision
     robots.remove("a")
     robots.update(robot("a"))
-    found = answer(robots, before)
-    assert found.gone == []
-    assert [one.name for one in found.robots] == ["a"]
+    results = answer(robots, before)
+    assert results.gone == []
+    assert [one.name for one in results.robots] == ["a"]
 
 
 def test_a_revision_of_another_run_is_answered_with_all(robots: Robots) -> None:
     robots.update(robot("a"))
     for other in (0, robots.revision + 1):
-        found = answer(robots, other)
-        assert found.complete
-        assert [one.name for one in found.robots] == ["a"]
+        results = answer(robots, other)
+        assert results.complete
+        assert [one.name for one in results.robots] == ["a"]
 
 
 def test_removals_that_are_forgotten_are_answered_with_all(robots: Robots, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,9 +128,9 @@ def test_a_quiet_robot_changes_nothing(robots: Robots) -> None:
 def test_what_a_person_would_see_is_a_change(robots: Robots, changed: dict[str, Any]) -> None:
     robots.update(robot())
     assert robots.update(robot(devices=[device(**changed)]))
-    (found,) = answer(robots).robots
+    (result,) = answer(robots).robots
     name, value = next(iter(changed.items()))
-    assert getattr(found.devices[0], name) == value
+    assert getattr(result.devices[0], name) == value
 
 
 @given(st.lists(st.floats(0, 4000), min_size=2, max_size=20))
@@ -168,7 +168,7 @@ def test_the_route_lists_robots_and_changes(server: InProcessServer) -> None:
     assert (wrong.status_code, wrong.json()["kind"]) == (422, "bad-request")
 
 
-def test_a_server_of_one_robot_says_that_it_has_no_fleet(tmp_path: Path) -> None:
+def test_a_server_of_one_robot_states_that_it_has_no_fleet(tmp_path: Path) -> None:
     with InProcessServer(Config(data=tmp_path, sources=("fake",)), FakeLink) as running:
         assert running.client.get("/api/build").json()["fleet"] is False
         refused = running.client.get("/api/fleet/robots")

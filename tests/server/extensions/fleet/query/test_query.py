@@ -65,7 +65,7 @@ def test_values_that_are_not_finite_are_null(value: str, commands: Commands, sto
     assert commands.query(store, f"SELECT {value} AS x, [{value}] AS l") == [{"x": None, "l": [None]}]
 
 
-def test_columns_of_one_name_are_told_apart(commands: Commands, store: Path) -> None:
+def test_columns_of_one_name_are_distinguished(commands: Commands, store: Path) -> None:
     (row,) = commands.query(store, "SELECT 1 AS a, 2 AS a, 3 AS b")
     assert sorted(row.values()) == [1, 2, 3]
 
@@ -110,12 +110,12 @@ WORK_S = 0.3  # of one thread besides the first, which imports the modules and w
 
 def busiest_thread_s(pid: int) -> float:
     """Processor time of a process's busiest thread besides the first."""
-    found = 0
+    count = 0
     for path in Path(f"/proc/{pid}/task").glob("*/stat"):
         with contextlib.suppress(OSError):  # it has ended
             if path.parent.name != str(pid):
-                found = max(found, sum(map(int, path.read_text().rsplit(")", 1)[1].split()[11:13])))
-    return found / os.sysconf("SC_CLK_TCK")
+                count = max(count, sum(map(int, path.read_text().rsplit(")", 1)[1].split()[11:13])))
+    return count / os.sysconf("SC_CLK_TCK")
 
 
 def test_a_question_is_cancelled_by_an_interrupt(store: Path, tmp_path: Path) -> None:

@@ -54,17 +54,17 @@ class StartedWorkers(list[Worker]):
 @pytest.fixture(scope="module")
 def workers() -> Iterator[StartedWorkers]:
     """Those of this module."""
-    found, start = StartedWorkers(), Worker.start
+    result, start = StartedWorkers(), Worker.start
 
     async def noted(module: str, *arguments: str, **more: Any) -> Worker:
         worker = await start(module, *arguments, **more)
         if not more:  # those of files are forked by one that stays
-            found.append(worker)
+            result.append(worker)
         return worker
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Worker, "start", noted)
-        yield found
+        yield result
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def _server(url: str, data: Path) -> InProcessServer:
     return InProcessServer(config, FakeLinks().open)
 
 
-def _ask(server: InProcessServer, **body: Any) -> Any:
+def _query(server: InProcessServer, **body: Any) -> Any:
     return server.client.post("/api/query", json=body)
 
 
@@ -91,7 +91,7 @@ def _state(server: InProcessServer) -> dict[str, Any]:
 
 def test_an_answer_as_json(server: InProcessServer) -> None:
     sql = "SELECT robot, started, date, lost, 'nan'::DOUBLE AS x, lost AS x, 9007199254740993 AS big FROM recordings"
-    answer = _ask(server, sql=sql).json()
+    answer = _query(server, sql=sql).json()
     assert answer["columns"] == [
         {"name": "robot", "kind": "text"},
         {"name": "started", "kind": "time"},
@@ -106,20 +106,22 @@ def test_an_answer_as_json(server: InProcessServer) -> None:
     assert answer["seconds"] >= 0
 
 
-def test_an_answer_as_json_is_cut_and_says_so(server: InProcessServer) -> None:
+def test_an_answer_as_json_is_cut_and_states_it(server: InProcessServer) -> None:
     for rows, more in ((99_999, True), (100_000, False)):
-        answer = _ask(server, sql="SELECT range AS n FROM range(100000)", rows=rows).json()
+        answer = _query(server, sql="SELECT range AS n FROM range(100000)", rows=rows).json()
         assert (len(answer["rows"]), answer["rows"][-1], answer["more"]) == (rows, [rows - 1], more)
-    assert _ask(server, sql="SELECT 1 AS a WHERE false").json()["rows"] == []
+    assert _query(server, sql="SELECT 1 AS a WHERE false").json()["rows"] == []
 
 
 def test_an_answer_in_the_other_formats_has_all_rows(server: InProcessServer) -> None:
     sql, numbers = "SELECT range AS n FROM range(300000)", list(range(300_000))
-    arrow = _ask(server, sql=sql, format="arrow")
+    arrow = _query(server, sql=sql, format="arrow")
     assert arrow.headers["content-type"] == "application/vnd.apache.arrow.stream"
     assert pa.ipc.open_stream(arrow.content).read_all().column("n").to_pylist() == numbers
-    assert pq.read_table(io.BytesIO(_ask(server, sql=sql, format="parquet").content)).column("n").to_pylist() == numbers
-    csv = _ask(server, sql=sql, format="csv")
+    assert (
+        pq.read_table(io.BytesIO(_query(server, sql=sql, format="parquet").content)).column("n").to_pylist() == numbers
+    )
+    csv = _query(server, sql=sql, format="csv")
     assert csv.text.splitlines() == ["n", *map(str, numbers)]
     assert "answer.csv" in csv.headers["content-disposition"]
 
@@ -128,7 +130,7 @@ def test_an_answer_in_the_other_formats_has_all_rows(server: InProcessServer) ->
 def test_prepared_questions_are_listed_and_answered(name: str, server: InProcessServer) -> None:
     listed = {one["name"]: one for one in server.client.get("/api/query/questions").json()}
     assert listed[name]["sql"] == QUESTIONS[name].sql
-    by_name, by_sql = _ask(server, question=name).json(), _ask(server, sql=listed[name]["sql"]).json()
+    by_name, by_sql = _query(server, question=name).json(), _query(server, sql=listed[name]["sql"]).json()
     assert (by_name["columns"], by_name["rows"]) == (by_sql["columns"], by_sql["rows"])
 
 
@@ -167,7 +169,7 @@ def test_what_an_editor_completes(server: InProcessServer, folder: Path) -> None
 def test_what_cannot_be_answered(
     body: dict[str, Any], status: int, kind: str, words: str, server: InProcessServer
 ) -> None:
-    answer = _ask(server, **body)
+    answer = _query(server, **body)
     assert (answer.status_code, answer.json()["kind"]) == (status, kind)
     assert words in answer.json()["message"]
     assert "\n" not in answer.json()["message"]
@@ -177,20 +179,20 @@ def test_an_answer_that_fails_halfway_is_cut_off(server: InProcessServer) -> Non
     """It never looks complete. So many rows do not fit into what is computed ahead: the first are under way by then."""
     sql = "SELECT CASE WHEN range < 2000000 THEN range ELSE error('broken')::BIGINT END AS n FROM range(2000001)"
     with pytest.raises(httpx.RemoteProtocolError):
-        _ask(server, sql=sql, format="csv")
+        _query(server, sql=sql, format="csv")
 
 
 def test_a_store_that_is_not_there(tmp_path: Path) -> None:
     with _server("", tmp_path / "data") as server:
         assert _state(server)["store"] == ""
-        assert (_ask(server, sql="SELECT 1").status_code, _ask(server, sql="SELECT 1").json()["kind"]) == (
+        assert (_query(server, sql="SELECT 1").status_code, _query(server, sql="SELECT 1").json()["kind"]) == (
             409,
             "no-store",
         )
         assert server.client.get("/api/query/tables").json()["kind"] == "no-store"
     (tmp_path / "file").write_bytes(b"")
     with _server(str(tmp_path / "file"), tmp_path / "other") as server, started_afresh():
-        answer = _ask(server, sql="SELECT 1")
+        answer = _query(server, sql="SELECT 1")
         assert (answer.status_code, answer.json()["kind"]) == (502, "store")
         assert "is a file" in answer.json()["message"]
 
@@ -224,26 +226,26 @@ def test_a_question_ends_with_its_client_and_another_waits_its_turn(
     assert workers.running() == [running]
     first.leave()
     block_until(lambda: _state(server)["running"] == 0 and not workers.running(), "the first question ended")
-    assert _ask(server, sql="SELECT 1 AS a").json()["rows"] == [[1]]
+    assert _query(server, sql="SELECT 1 AS a").json()["rows"] == [[1]]
 
 
 def test_a_question_that_is_killed_does_not_harm_the_server(server: InProcessServer, workers: StartedWorkers) -> None:
-    found: list[Any] = []
+    results: list[Any] = []
     block_until(lambda: not workers.running(), "former questions have ended")
-    asking = threading.Thread(target=lambda: found.append(_ask(server, sql=ENDLESS)))
-    asking.start()
+    requesting = threading.Thread(target=lambda: results.append(_query(server, sql=ENDLESS)))
+    requesting.start()
     block_until(lambda: bool(workers.running()), "the question runs")
     os.kill(workers.running()[0], 9)
-    asking.join()
-    assert (found[0].status_code, found[0].json()["kind"]) == (422, "bad-query")
-    assert _ask(server, sql="SELECT 1 AS a").json()["rows"] == [[1]]
+    requesting.join()
+    assert (results[0].status_code, results[0].json()["kind"]) == (422, "bad-query")
+    assert _query(server, sql="SELECT 1 AS a").json()["rows"] == [[1]]
 
 
 def test_too_many_questions_of_one_user_are_refused(server: InProcessServer) -> None:
     clients = [_Gone(server, ENDLESS, str(n)) for n in range(9)]
     try:
         block_until(lambda: (_state(server)["running"], _state(server)["waiting"]) == (1, 8), "nine questions")
-        answer = _ask(server, sql="SELECT 1")
+        answer = _query(server, sql="SELECT 1")
         assert (answer.status_code, answer.json()["kind"]) == (409, "full")
     finally:
         for one in clients:
@@ -252,7 +254,7 @@ def test_too_many_questions_of_one_user_are_refused(server: InProcessServer) -> 
 
 
 def test_a_recording_is_fetched_from_the_store_once(server: InProcessServer, folder: Path) -> None:
-    [[recording, key]] = _ask(server, sql="SELECT recording, object FROM recordings").json()["rows"]
+    [[recording, key]] = _query(server, sql="SELECT recording, object FROM recordings").json()["rows"]
     route = f"/api/query/recordings/{recording}/fetch"
     first, second = (server.client.post(route, json={}).json() for _ in range(2))
     assert (first, second) == ({"id": recording, "is_new": True}, {"id": recording, "is_new": False})
@@ -260,7 +262,7 @@ def test_a_recording_is_fetched_from_the_store_once(server: InProcessServer, fol
 
 
 def test_a_recording_that_two_fetch_at_once_is_there_once(server: InProcessServer) -> None:
-    [[recording]] = _ask(server, sql="SELECT recording FROM recordings").json()["rows"]
+    [[recording]] = _query(server, sql="SELECT recording FROM recordings").json()["rows"]
     server.client.delete(f"/api/recordings/{recording}")  # of another test
     answers: list[Any] = []
 

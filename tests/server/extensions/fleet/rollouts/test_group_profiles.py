@@ -42,7 +42,7 @@ def learned(folder: Path, *settings: DeviceSettings) -> GroupProfiles:
     return profiles
 
 
-def test_a_robot_that_differs_is_told_with_its_differences(tmp_path: Path) -> None:
+def test_a_robot_that_differs_is_reported_with_its_differences(tmp_path: Path) -> None:
     right, wrong = settings_at(100), settings_at(400)
     profiles = learned(tmp_path, right, wrong)
     first, second = robot("a", right), robot("b", wrong)
@@ -51,9 +51,9 @@ def test_a_robot_that_differs_is_told_with_its_differences(tmp_path: Path) -> No
     assert (profile.robot, profile.by, profile.group) == ("a", "Anna B.", "otters")
     assert (profiles.judged(first).settings, profiles.judged(first).drifted) == ("as-profile", 0)
     assert (profiles.judged(second).settings, profiles.judged(second).drifted) == ("drifted", 1)
-    found = profiles.check("otters", second.devices[0]).difference
-    assert found is not None
-    assert [(row.left, row.right) for row in found.rows] == [("400 Hz", "100 Hz")]
+    results = profiles.check("otters", second.devices[0]).difference
+    assert results is not None
+    assert [(row.left, row.right) for row in results.rows] == [("400 Hz", "100 Hz")]
     assert profiles.judged(robot("c", wrong, "herons")).settings == "unknown"
     assert profiles.judged(robot("d", None)).settings == "unknown"
     assert profiles.judged(robot("d", None)).devices[0].expected_rate == 100  # as the profile has it
@@ -84,7 +84,7 @@ def test_a_file_of_profiles_that_is_damaged_does_not_stop_the_server(tmp_path: P
         assert profiles.judged(first).settings == "unknown"
 
 
-def test_settings_are_asked_for_once_for_all_robots_that_have_them(tmp_path: Path) -> None:
+def test_settings_are_requested_once_for_all_robots_that_have_them(tmp_path: Path) -> None:
     profiles, right = GroupProfiles(tmp_path), settings_at(100)
     for name in "abc":
         profiles.judged(robot(name, right))
@@ -95,7 +95,7 @@ def test_settings_are_asked_for_once_for_all_robots_that_have_them(tmp_path: Pat
     assert list(profiles.questions(60.0, 10)) == []
 
 
-def test_settings_of_a_device_that_is_gone_are_not_asked_for(tmp_path: Path) -> None:
+def test_settings_of_a_device_that_is_gone_are_not_requested(tmp_path: Path) -> None:
     """They were asked for as long as the robot was live."""
     profiles, there = GroupProfiles(tmp_path), robot("a", settings_at(100))
     profiles.judged(there)
@@ -139,8 +139,8 @@ def test_settings_of_any_shape_do_no_harm(shapes: dict[str, Any], noise: bytes) 
     answer = {"protocol": "xbus", "product": PRODUCT, "firmware": "1", "values": shapes}
     for data in (msgspec.msgpack.encode(answer), noise):
         with contextlib.suppress(ReportError):
-            found = decode_settings(data)
-            difference(driver, settings_at(100), found)
+            result = decode_settings(data)
+            difference(driver, settings_at(100), result)
 
 
 def test_from_a_simulated_sensor_to_the_answer(tmp_path: Path) -> None:

@@ -80,8 +80,8 @@ def test_a_profile_is_applied_in_waves_and_confirmed(fleet: RolloutFleet) -> Non
         assert fleet.rate(name) == PROFILE_HZ
         assert fleet.rollback(name) == "confirmed"
     number = fleet.number
-    told = f"Command through the fleet server of Ada, rollout {number}: POST /api/devices/1/apply."
-    fleet.until_event("b", told)
+    report = f"Command through the fleet server of Ada, rollout {number}: POST /api/devices/1/apply."
+    fleet.until_event("b", report)
     fleet.until_event("b", f"Rollout {number} of Ada, MTi-630: done.")
     fleet.until_event("", f"Rollout {number} to 3 devices of the group otters was started by Ada.")
     block_until(lambda: fleet.plan()["same"] == 4, "all are as the profile")
@@ -130,7 +130,7 @@ def test_a_change_that_is_rolled_back_at_the_robot_stops_the_next_wave(fleet: Ro
 OWN_HZ = 5  # that somebody sets at the robot
 
 
-def test_settings_that_somebody_changed_meanwhile_are_not_overwritten(fleet: RolloutFleet) -> None:
+def test_settings_that_a_user_changed_in_the_meantime_are_not_overwritten(fleet: RolloutFleet) -> None:
     fleet.roll_out(waves="1")
     fleet.until_state("b", "watching")
     outputs = fleet.values("c")["OutputConfiguration"]
@@ -188,7 +188,7 @@ def test_a_robot_that_is_lost_before_its_turn_is_left(tmp_path: Path) -> None:
         assert over["devices"][1]["words"] == "The robot was lost before anything was sent."
 
 
-def test_a_fleet_server_that_is_killed_says_what_it_interrupted_and_sends_nothing_again(tmp_path: Path) -> None:
+def test_a_fleet_server_that_is_killed_states_what_it_interrupted_and_sends_nothing_again(tmp_path: Path) -> None:
     with RolloutFleet(tmp_path, is_process=True) as fleet:
         fleet.roll_out()
         fleet.until_state("b", "watching")
@@ -235,11 +235,11 @@ texts = st.recursive(
 @example(409, b'{"kind": "bad-subprotocol", "message": "\\u001b[2J"}')
 def test_what_a_robot_answers_does_no_harm(status: int, data: bytes) -> None:
     with contextlib.suppress(LineError, DomainError):
-        found = decoded(status, data, dict[str, Any])
-        assert isinstance(found, dict)
+        result = decoded(status, data, dict[str, Any])
+        assert isinstance(result, dict)
 
 
-def test_a_plan_of_thousands_looks_at_each_kind_of_settings_once(tmp_path: Path) -> None:
+def test_a_plan_of_thousands_examines_each_kind_of_settings_once(tmp_path: Path) -> None:
     driver = PROTOCOLS["xbus"].configuration.driver
     assert driver is not None
     profiles = GroupProfiles(tmp_path)
@@ -251,17 +251,17 @@ def test_a_plan_of_thousands_looks_at_each_kind_of_settings_once(tmp_path: Path)
     others = [
         robot(f"r{n}", wrong[n % 2]).model_copy(update={"pages": "view" if n < 6 else "control"}) for n in range(3000)
     ]
-    asked: list[object] = []
+    requests: list[object] = []
 
     class Counted:
         def __getattr__(self, name: str) -> Any:
-            asked.append(name)
+            requests.append(name)
             return getattr(driver, name)
 
     plan = plan_of(profiles, [first, *others], profile, Counted())  # type: ignore[arg-type]
     assert (len(plan.devices), len(plan.left_out), len(plan.changes), plan.same) == (2994, 6, 2, 1)
     assert 'set pages = "control"' in plan.left_out[0].why
-    assert asked.count("settings") == 2
+    assert requests.count("settings") == 2
     again = plan_of(profiles, [first, *others], profile, driver)
     assert again.id == plan.id
     assert plan_of(profiles, [first, *others[:-1]], profile, driver).id != plan.id

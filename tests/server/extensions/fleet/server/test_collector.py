@@ -90,19 +90,19 @@ class Bus:
         for _ in range(arrives + repeated):
             self.collector.on_report(KEY, data)
 
-    def ask(self) -> int:
+    def request(self) -> int:
         """Journals that are asked for now; each answers."""
-        asked = list(self.collector.questions(10))
-        for name, boot, after, kept in asked:
-            data = self.journal.answer(boot, after, 400, earlier=True, stored=kept)
+        requests = list(self.collector.questions(10))
+        for name, boot, after, copy in requests:
+            data = self.journal.answer(boot, after, 400, earlier=True, stored=copy)
             self.collector.on_journal(keys.journal_key(name), data)
-        return len(asked)
+        return len(requests)
 
     def catch_up(self) -> None:
         for _ in range(200):
             self.time += 1.0
             self.collector.on_report(KEY, self.journal.report(self.time, None))
-            self.ask()
+            self.request()
 
     def write(self) -> None:
         batch = self.collector.taken_batch()
@@ -125,7 +125,7 @@ def new_bus(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bus]:
 
 @pytest.fixture
 def bus(new_bus: Bus) -> Bus:
-    new_bus.ask()
+    new_bus.request()
     return new_bus
 
 
@@ -146,19 +146,19 @@ def test_events_are_pruned_by_a_server_that_is_started_often(tmp_path: Path, mon
         assert len(database.events()) <= 10 + 8
 
 
-def test_reports_that_overtake_the_first_answer_are_asked_for(new_bus: Bus) -> None:
+def test_reports_that_overtake_the_first_answer_are_requested(new_bus: Bus) -> None:
     """Without a later report they were missing for minutes."""
     bus = new_bus
     bus.report()
-    [(_, boot, after, kept)] = bus.collector.questions(10)
-    answer = bus.journal.answer(boot, after, earlier=True, stored=kept)
+    [(_, boot, after, copy)] = bus.collector.questions(10)
+    answer = bus.journal.answer(boot, after, earlier=True, stored=copy)
     bus.report()
     bus.report()
     bus.collector.on_journal(keys.journal_key(NAME), answer)
     assert bus.events == ["1"]
-    assert bus.ask() == 1
+    assert bus.request() == 1
     assert bus.events == ["1", "2", "3"]
-    assert bus.ask() == 0
+    assert bus.request() == 0
 
 
 def test_a_robot_comes_and_goes(bus: Bus) -> None:
@@ -173,18 +173,18 @@ def test_a_robot_comes_and_goes(bus: Bus) -> None:
     assert (robot.state, robot.version, robot.since) == ("lost", "1", bus.time)
 
 
-def test_a_report_that_is_missing_is_asked_for(bus: Bus) -> None:
-    bus.ask()
+def test_a_report_that_is_missing_is_requested(bus: Bus) -> None:
+    bus.request()
     bus.report()
     bus.report(arrives=False)
-    assert bus.ask() == 0
+    assert bus.request() == 0
     bus.report()
-    assert bus.ask() == 1
-    bus.ask()  # the first answer was full
+    assert bus.request() == 1
+    bus.request()  # the first answer was full
     assert bus.events == ["1", "2", "3"]
 
 
-def test_the_last_report_before_a_silence_is_asked_for(bus: Bus) -> None:
+def test_the_last_report_before_a_silence_is_requested(bus: Bus) -> None:
     bus.report(arrives=False)
     bus.catch_up()
     assert bus.events == ["1"]
@@ -202,9 +202,9 @@ def test_what_a_robot_had_to_drop_is_counted(new_bus: Bus) -> None:
     for _ in range(20):
         bus.report(arrives=False)
     bus.catch_up()
-    kept = bus.events
-    assert kept == [str(number) for number in range(21 - len(kept), 21)]
-    assert bus.collector.counts.missed == bus.journal.dropped == 20 - len(kept)
+    stored = bus.events
+    assert stored == [str(number) for number in range(21 - len(stored), 21)]
+    assert bus.collector.counts.missed == bus.journal.dropped == 20 - len(stored)
     assert any("were dropped" in event.text for _, event in bus.database.events())
 
 
@@ -309,7 +309,7 @@ def test_whatever_happens_everything_is_stored_once(steps: list[str], tmp_path_f
             case "arrives" | "lost" | "repeated":
                 bus.report(arrives=step != "lost", repeated=step == "repeated")
             case "ask":
-                bus.ask()
+                bus.request()
             case "write":
                 bus.write()
             case "stopped" | "killed":

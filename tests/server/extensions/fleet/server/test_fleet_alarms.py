@@ -32,8 +32,8 @@ LIMITS = FleetServerSettings(alarm_lost_s=60, alarm_loss_percent=1, alarm_disk_g
 def robot(loss: float = 0.0, free: int = 10**11, *, is_live: bool = True, drifted: int = 0) -> RobotSummary:
     device = RobotDevice("1", "MTi", "live", loss=loss)
     status = RobotStatus(group="otters", disk_free_bytes=free, devices=(device,))
-    found = summary_of("a", status, NOW, is_live=is_live)
-    return found.model_copy(update={"drifted": drifted, "settings": "drifted" if drifted else "as-profile"})
+    result = summary_of("a", status, NOW, is_live=is_live)
+    return result.model_copy(update={"drifted": drifted, "settings": "drifted" if drifted else "as-profile"})
 
 
 class Judged:
@@ -43,7 +43,7 @@ class Judged:
         self.alarms = FleetAlarms(folder, limits)
         self.events: list[tuple[str, str]] = []
 
-    def look(self, shown: RobotSummary, now: float = NOW) -> list[tuple[str, str]]:
+    def judge(self, shown: RobotSummary, now: float = NOW) -> list[tuple[str, str]]:
         """Condition and state of the alarms after a turn."""
         self.alarms.turn({"a": shown}, now, lambda name, level, text: self.events.append((level, text)))
         return [(one.condition, one.state) for one in self.alarms.with_alarms(shown).alarms]
@@ -52,11 +52,11 @@ class Judged:
 def test_a_robot_that_is_lost_raises_an_alarm_after_a_time_and_once(tmp_path: Path) -> None:
     judged = Judged(tmp_path)
     away = robot(is_live=False)
-    assert judged.look(away, NOW + 60) == []
+    assert judged.judge(away, NOW + 60) == []
     for later in (61, 62, 600):
-        assert judged.look(away, NOW + later) == [("lost", "raised")]
+        assert judged.judge(away, NOW + later) == [("lost", "raised")]
     assert judged.events == [("error", "a has been lost for 61 s.")]
-    assert judged.look(robot(), NOW + 700) == []
+    assert judged.judge(robot(), NOW + 700) == []
     assert judged.events[1:] == [("info", "Lost for longer than 60 s: no longer.")]
 
 
@@ -72,23 +72,23 @@ def test_a_condition_ends_below_its_limit_only(
     tmp_path: Path, condition: str, bad: RobotSummary, between: RobotSummary, good: RobotSummary
 ) -> None:
     judged = Judged(tmp_path)
-    assert judged.look(bad, NOW) == [(condition, "raised")]
-    assert judged.look(between, NOW + 1) == [(condition, "raised")]
+    assert judged.judge(bad, NOW) == [(condition, "raised")]
+    assert judged.judge(between, NOW + 1) == [(condition, "raised")]
     away = bad.model_copy(update={"state": "lost", "since": NOW + 1})
-    assert judged.look(away, NOW + 2) == [(condition, "raised")]  # of what is lost nothing is known
-    assert judged.look(good, NOW + 3) == []
+    assert judged.judge(away, NOW + 2) == [(condition, "raised")]  # of what is lost nothing is known
+    assert judged.judge(good, NOW + 3) == []
     assert [level for level, _ in judged.events] == ["warning", "info"]
 
 
 def test_a_limit_of_zero_switches_a_condition_off(tmp_path: Path) -> None:
     off = FleetServerSettings(alarm_lost_s=0, alarm_loss_percent=0, alarm_disk_gb=0, alarm_settings=False)
     shown = robot(loss=0.5, free=0, is_live=False, drifted=4)
-    assert Judged(tmp_path, off).look(shown, NOW + 1e6) == []
+    assert Judged(tmp_path, off).judge(shown, NOW + 1e6) == []
 
 
 def test_an_acknowledgement_has_a_name_and_outlives_the_server(tmp_path: Path) -> None:
     judged = Judged(tmp_path)
-    judged.look(robot(loss=0.5))
+    judged.judge(robot(loss=0.5))
     with pytest.raises(DomainError, match="name of the person"):
         judged.alarms.acknowledge("a", "loss", "  ", NOW)
     with pytest.raises(DomainError, match="no alarm"):
@@ -96,11 +96,11 @@ def test_an_acknowledgement_has_a_name_and_outlives_the_server(tmp_path: Path) -
     judged.alarms.acknowledge("a", "loss", " Ada  L. ", NOW)
     judged.alarms.save(judged.alarms.saved_text())
     again = Judged(tmp_path)
-    assert again.look(robot(loss=0.5)) == [("loss", "acknowledged")]
+    assert again.judge(robot(loss=0.5)) == [("loss", "acknowledged")]
     assert again.alarms.with_alarms(robot()).alarms[0].acknowledged_by == "Ada L."
     assert again.events == []
-    assert again.look(robot()) == []
-    assert again.look(robot(loss=0.5)) == [("loss", "raised")]  # another time
+    assert again.judge(robot()) == []
+    assert again.judge(robot(loss=0.5)) == [("loss", "raised")]  # another time
 
 
 @each_row("has_profile", [True, False])
@@ -109,24 +109,24 @@ def test_settings_that_are_read_again_keep_their_alarm_and_a_removed_profile_end
 ) -> None:
     judged = Judged(tmp_path)
     judged.alarms = FleetAlarms(tmp_path, LIMITS, lambda robot: has_profile)
-    judged.look(robot(drifted=1))
+    judged.judge(robot(drifted=1))
     assert judged.events == [("warning", "a has 1 setting not as in the profile of its group.")]
     unknown = robot().model_copy(update={"settings": "unknown"})
-    assert judged.look(unknown) == ([("settings", "raised")] if has_profile else [])
+    assert judged.judge(unknown) == ([("settings", "raised")] if has_profile else [])
 
 
 def test_what_could_not_be_stored_is_stored_later(tmp_path: Path) -> None:
     judged = Judged(tmp_path / "folder")
-    judged.look(robot(loss=0.5))
+    judged.judge(robot(loss=0.5))
     (tmp_path / "folder").write_text("in the way")
     judged.alarms.save(judged.alarms.saved_text())
     assert judged.alarms.is_changed
     (tmp_path / "folder").unlink()
     asyncio.run(judged.alarms.close())
-    assert Judged(tmp_path / "folder").look(robot(loss=0.5)) == [("loss", "raised")]
+    assert Judged(tmp_path / "folder").judge(robot(loss=0.5)) == [("loss", "raised")]
 
 
-def test_a_damaged_file_begins_anew(tmp_path: Path) -> None:
+def test_a_damaged_file_begins_again(tmp_path: Path) -> None:
     for text in (
         "",
         "[]",
@@ -134,17 +134,17 @@ def test_a_damaged_file_begins_anew(tmp_path: Path) -> None:
         '{"alarms": [{"robot": "a", "condition": "loss", "state": 3}]}',
     ):
         (tmp_path / FILE).write_text(text)
-        assert Judged(tmp_path).look(robot()) == []
+        assert Judged(tmp_path).judge(robot()) == []
 
 
 def test_a_robot_that_was_removed_has_no_alarm(tmp_path: Path) -> None:
     judged = Judged(tmp_path)
-    judged.look(robot(loss=0.5))
+    judged.judge(robot(loss=0.5))
     judged.alarms.turn({}, NOW + 1, lambda *_: None)
     assert judged.alarms.with_alarms(robot()).alarms == []
 
 
-def test_a_lost_robot_is_told_on_the_page_and_by_webhook(tmp_path: Path, receiver: Receiver) -> None:
+def test_a_lost_robot_is_reported_on_the_page_and_by_webhook(tmp_path: Path, receiver: Receiver) -> None:
     bodies = receiver.bodies
     config = tmp_path / "fleet.toml"
     config.write_text(f'[fleet_server]\nalarm_lost_s = 0.5\nalarm_webhook = "{receiver.url}"\n')

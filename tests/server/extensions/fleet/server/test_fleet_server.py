@@ -63,10 +63,10 @@ def markers(data: Path) -> dict[str, list[int]]:
     file = sqlite3.connect(data / "fleet" / "fleet.sqlite")
     rows = file.execute("SELECT robot, text FROM events WHERE kind = 'marker' ORDER BY id").fetchall()
     file.close()
-    found: dict[str, list[int]] = {}
+    results: dict[str, list[int]] = {}
     for robot, text in rows:
-        found.setdefault(robot, []).append(int(text))
-    return found
+        results.setdefault(robot, []).append(int(text))
+    return results
 
 
 def has_markers(data: Path, name: str, last: int) -> bool:

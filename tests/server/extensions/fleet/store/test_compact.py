@@ -65,7 +65,7 @@ def test_files_are_removed_a_week_after_they_were_needed(commands: Commands, sto
     assert _rows(commands, store) == before
 
 
-def test_a_store_that_cannot_be_compacted_says_why(commands: Commands, store: Path, tmp_path: Path) -> None:
+def test_a_store_that_cannot_be_compacted_gives_the_reason(commands: Commands, store: Path, tmp_path: Path) -> None:
     assert commands.run("compact", "--store", store) == (0, "", "")
     assert not store.exists()
     (tmp_path / "file").write_bytes(b"")
@@ -121,8 +121,8 @@ def test_uploads_of_several_processes_go_on_while_files_are_joined(
             commands.upload(file, store)
         assert joining.poll() is None, "files are still joined"
         joining.kill()
-        said = joining.stdout.read()
-    assert any(line.split()[0] not in ("0", "1") for line in said.splitlines()), (
+        message = joining.stdout.read()
+    assert any(line.split()[0] not in ("0", "1") for line in message.splitlines()), (
         "files of uploads were joined meanwhile"
     )
     count = "SELECT count(*) AS n, count(DISTINCT recording) AS different FROM recordings"

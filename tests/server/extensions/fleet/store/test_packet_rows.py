@@ -72,17 +72,17 @@ def test_a_packet_is_one_row_in_windows_of_any_size(steps: list[tuple[float, tup
     infos = [quantity(n, name) for n, name in enumerate(QUANTITIES, 1)]
     with tempfile.TemporaryDirectory() as folder:
         store = opened(Path(folder), packets, infos)
-        found: dict[int, list[set[int]]] = {}
+        results: dict[int, list[set[int]]] = {}
         rows = 0
         for window in packet_windows(store, [[one] for one in (1, 2, 3) if store.rows(one)], size):
             assert (np.diff(window.time) >= 0).all()
             for number, (lo, hi, at) in window.samples.items():
                 for value, row in zip(store.exact(number, lo, hi).columns[0], at, strict=True):
-                    found.setdefault(rows + int(row), []).append({int(value), -number})
+                    results.setdefault(rows + int(row), []).append({int(value), -number})
             rows += len(window.time)
     assert rows == len(packets)
-    assert sorted(found) == list(range(rows))
-    for parts in found.values():
+    assert sorted(results) == list(range(rows))
+    for parts in results.values():
         (packet,) = {value for part in parts for value in part if value >= 0}
         assert len(parts) == sum(packets[packet].values)
 

@@ -45,10 +45,10 @@ def test_samples_are_those_of_the_recording(commands: Commands, recording: Path,
     for info in opened.manifest["channels"]:
         rows = opened.exact(info["id"], 0, opened.rows(info["id"]))
         for column, values in zip(info["columns"], rows.columns, strict=True):
-            found = by_signal[f"{info['name']}.{column['name']}"]
-            assert [one["value"] for one in found] == pytest.approx(values.astype(float).tolist(), nan_ok=True)
-            assert {one["unit"] for one in found} == {column["unit"]}
-            compared += len(found)
+            results = by_signal[f"{info['name']}.{column['name']}"]
+            assert [one["value"] for one in results] == pytest.approx(values.astype(float).tolist(), nan_ok=True)
+            assert {one["unit"] for one in results} == {column["unit"]}
+            compared += len(results)
     assert compared > 5000
     packets = opened.manifest["figures"]["1"]["messages"]["MTData2"]
     (counted,) = commands.query(
@@ -76,9 +76,9 @@ def test_minutes_are_figures_of_the_samples(commands: Commands, store: Path, lon
                  SELECT date_trunc('minute', time) AS minute, signal, count(*) AS n, avg(value) AS mean,
                         stddev_samp(value) AS sigma, min(value) AS low FROM samples GROUP BY ALL
              ) s USING (minute, signal) WHERE m.signal LIKE 'RateOfTurn._' ORDER BY ALL"""
-    found = commands.query(store, sql)
-    assert len(found) == 2 * 3
-    for one in found:
+    results = commands.query(store, sql)
+    assert len(results) == 2 * 3
+    for one in results:
         assert one["rows"] == one["n"]
         assert (one["mean"], one["sigma"], one["min"]) == pytest.approx((one["mean_2"], one["sigma_2"], one["low"]))
     norm = commands.query(store, "SELECT axis, max FROM minutes WHERE signal = 'Acceleration.norm'")
@@ -103,8 +103,8 @@ def test_a_new_field_is_a_new_column_and_old_files_stay_readable(
     commands.upload(table(tmp_path / "a.csv", {"speed (m/s)": values}), store, "old")
     commands.upload(table(tmp_path / "b.csv", {"speed (m/s)": values, "extra": values}), store, "new")
     commands.upload(table(tmp_path / "c.csv", {"speed (km/h)": 3.6 * values}), store, "other")
-    found = commands.query(store, "SELECT robot, signal, unit, count(*) AS n FROM samples GROUP BY ALL ORDER BY ALL")
-    speeds = {(one["robot"], one["unit"]): one["n"] for one in found if "speed" in one["signal"]}
+    results = commands.query(store, "SELECT robot, signal, unit, count(*) AS n FROM samples GROUP BY ALL ORDER BY ALL")
+    speeds = {(one["robot"], one["unit"]): one["n"] for one in results if "speed" in one["signal"]}
     assert speeds == {("old", "m/s"): 10, ("new", "m/s"): 10, ("other", "km/h"): 10}
     wide = delta(store, "samples")
     assert wide.num_rows == 30
@@ -148,24 +148,24 @@ def test_a_prepared_question_is_answered_by_an_empty_store_too(name: str, comman
     assert (status, out) == (0, QUESTIONS[name].sql + "\n")
 
 
-def test_the_prepared_questions_find_what_they_ask_for(commands: Commands, store: Path, long_recording: Path) -> None:
+def test_the_prepared_questions_find_what_they_are_for(commands: Commands, store: Path, long_recording: Path) -> None:
     commands.uploaded(long_recording, store)
 
-    def asked(name: str) -> list[dict[str, object]]:
+    def request(name: str) -> list[dict[str, object]]:
         status, out, _ = commands.run("query", "--store", store, "--question", name, "--format", "json")
         assert status == 0
         return list(json.loads(out))
 
-    (loss,) = asked("loss-by-adapter")
+    (loss,) = request("loss-by-adapter")
     assert (loss["adapter"], loss["lost"], loss["gaps"]) == ("/dev/ttyUSB0", 5, 1)
-    noise = {one["quantity"]: one for one in asked("noise-by-batch")}
+    noise = {one["quantity"]: one for one in request("noise-by-batch")}
     assert 0.8 < float(str(noise["rate of turn"]["ratio"])) < 1.25
     assert noise["rate of turn"]["batch"] == "00808"
-    biases = asked("gyro-bias")
+    biases = request("gyro-bias")
     assert {one["signal"] for one in biases} <= {"RateOfTurn.x", "RateOfTurn.y", "RateOfTurn.z"}
     assert biases
     assert all(one["serial_number"] == "0080800001" and one["temperature_c"] == 25 for one in biases)
-    assert all(float(str(one["peak_g"])) > 3 for one in asked("shocks"))
+    assert all(float(str(one["peak_g"])) > 3 for one in request("shocks"))
 
 
 def test_a_device_counts_once_in_its_batch_however_often_it_was_recorded(
@@ -188,6 +188,6 @@ def test_shocks_are_found(commands: Commands, store: Path, tmp_path: Path) -> No
     calm = {**columns, "acc.z (m/s²)": still + 9.81}
     commands.upload(table(tmp_path / "calm.csv", calm), store)
     _, out, _ = commands.run("query", "--store", store, "--question", "shocks", "--format", "json")
-    (found,) = json.loads(out)
-    assert found["title"] == "bump.csv"
-    assert found["peak_g"] == pytest.approx(40 / 9.80665)
+    (result,) = json.loads(out)
+    assert result["title"] == "bump.csv"
+    assert result["peak_g"] == pytest.approx(40 / 9.80665)

@@ -37,13 +37,13 @@ def test_both_readers_give_the_same_rows(commands: Commands, recording: Path, st
 
 def _assert_read_alike(table: str, commands: Commands, store: Path) -> None:
     place, kind = location(str(store)), TABLES[table]
-    found = open_table(place, table)
-    assert found is not None
-    files = files_of(place, found, kind)
+    result = open_table(place, table)
+    assert result is not None
+    files = files_of(place, result, kind)
     assert files is not None
     assert not files.differ
     names = [column.name for column in kind.columns]
-    rows = dataset_of(place, found, kind).to_table(columns=names)
+    rows = dataset_of(place, result, kind).to_table(columns=names)
     sql = f"SELECT * FROM {table} ORDER BY ALL"
     assert len(commands.query(store, sql)) == rows.num_rows > 0
     moved = store.rename(store.with_name("date=1"))  # which DuckDB would take for a partition
@@ -67,9 +67,9 @@ def test_a_column_that_older_files_lack_is_null(commands: Commands, recording: P
     assert commands.query(store, "SELECT robot FROM recordings WHERE host IS NULL") == [{"robot": "old"}]
     place = location(str(store))
     for kind in (RECORDINGS, DEVICES):
-        found = open_table(place, kind.name)
-        assert found is not None
-        files = files_of(place, found, kind)
+        result = open_table(place, kind.name)
+        assert result is not None
+        files = files_of(place, result, kind)
         assert files is not None
         assert files.differ
 
@@ -93,8 +93,8 @@ def test_other_files_stay_closed(commands: Commands, recording: Path, store: Pat
         store / "tables" / "*" / "*" / "*.parquet",
         stray.parent / "date=2025-10-09" / ".." / stray.name,
     ):
-        said = commands.refused("query", "--store", store, f"SELECT * FROM read_parquet('{path}') r, recordings")
-        assert "disabled" in said
+        message = commands.refused("query", "--store", store, f"SELECT * FROM read_parquet('{path}') r, recordings")
+        assert "disabled" in message
 
 
 STATEMENTS = """robot" AS "zq" FROM stored_recordings;

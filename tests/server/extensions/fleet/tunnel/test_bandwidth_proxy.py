@@ -95,7 +95,7 @@ def test_without_its_secret_nothing_passes(echo: int) -> None:
                 assert client.get(f"http://127.0.0.1:{echo}/a").status_code == 407
 
 
-def test_a_server_that_is_not_there_is_told() -> None:
+def test_a_server_that_is_not_there_is_reported() -> None:
     with LimitedLine(RATE) as line, httpx.Client(proxy=line.url, timeout=PATIENCE_S) as client:
         assert client.get(f"http://127.0.0.1:{free_port()}/a").status_code == 502
 

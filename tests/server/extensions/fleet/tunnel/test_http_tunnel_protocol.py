@@ -38,7 +38,7 @@ from tests.support.free_ports import free_port
 from tests.support.waiting import until
 
 BOOT = "0123456789abcdef"
-LONG = b"".join(hashlib.sha256(bytes([i % 251, i // 251])).digest() for i in range(60_000))  # 1.9 MB
+LONG_BODY = b"".join(hashlib.sha256(bytes([i % 251, i // 251])).digest() for i in range(60_000))  # 1.9 MB
 
 
 @dataclass
@@ -65,7 +65,7 @@ class Application:
                 while True:
                     await send({"type": "http.response.body", "body": bytes(4096), "more_body": True})
                     self.sent += 4096
-            await send({"type": "http.response.body", "body": LONG if path == "/long" else b"short"})
+            await send({"type": "http.response.body", "body": LONG_BODY if path == "/long" else b"short"})
         finally:
             self.ended.append(path)
 
@@ -74,7 +74,7 @@ class Application:
         await send({"type": "websocket.accept", "subprotocol": "imuscope.v1"})
         while (message := await receive())["type"] == "websocket.receive":
             await send({"type": "websocket.send", "text": message["text"] * 3})
-            await send({"type": "websocket.send", "bytes": LONG})
+            await send({"type": "websocket.send", "bytes": LONG_BODY})
 
 
 @dataclass
@@ -83,13 +83,13 @@ class Line:
     robot: PageServer
     fleet: RobotPages
     alive: list[bool]
-    told: list[str]
+    notices: list[str]
 
-    def ask(self, path: str, **others: Any) -> PageStream:
-        asked = OpenStream(
+    def request(self, path: str, **others: Any) -> PageStream:
+        request = OpenStream(
             0, BOOT, path=path, **{"method": "GET", "role": "control", "who": "operator at 10.0.0.5", **others}
         )
-        return self.fleet.open("a", lambda number, boot: msgspec.structs.replace(asked, stream=number, boot=boot))
+        return self.fleet.open("a", lambda number, boot: msgspec.structs.replace(request, stream=number, boot=boot))
 
 
 @asynccontextmanager
@@ -98,14 +98,14 @@ async def line(delay_of: Callable[[int], float] = lambda size: 0.0) -> AsyncIter
     bus = f"tcp/127.0.0.1:{free_port()}"
     router = await asyncio.to_thread(open_bus, RouterSettings(bus).settings())
     session = await asyncio.to_thread(open_bus, client_settings(bus, BusCredentials()))
-    app, alive, told = Application(), [True], list[str]()
+    app, alive, report = Application(), [True], list[str]()
     known = {"a": summary_of("a", RobotStatus(), 0.0)}
-    robot = PageServer("a", BOOT, "control", RouteRules(), lambda level, text: told.append(text), delay_of)
+    robot = PageServer("a", BOOT, "control", RouteRules(), lambda level, text: report.append(text), delay_of)
     fleet = RobotPages(lambda name: BOOT if alive[0] else "", known.get)
     held = [fleet.declare(router), robot.declare(session)]
     fleet.start()
     robot.serve(app)
-    there = Line(app, robot, fleet, alive, told)
+    there = Line(app, robot, fleet, alive, report)
     try:
         await ready(there)
         yield there
@@ -120,7 +120,7 @@ async def line(delay_of: Callable[[int], float] = lambda size: 0.0) -> AsyncIter
 async def ready(there: Line) -> None:
     """Wait until each side knows what the other has declared."""
     for _ in range(100):
-        stream = there.ask("/api/short")
+        stream = there.request("/api/short")
         try:
             async with asyncio.timeout(0.5):
                 await body(stream)
@@ -148,16 +148,16 @@ async def body(stream: PageStream) -> bytes:
 
 async def test_a_long_answer_arrives_whole_beside_short_ones() -> None:
     async with line() as there:
-        streams = [there.ask("/api/long"), *(there.ask("/api/short") for _ in range(10))]
+        streams = [there.request("/api/long"), *(there.request("/api/short") for _ in range(10))]
         answers = await asyncio.gather(*map(body, streams))
-        assert answers[0] == LONG
+        assert answers[0] == LONG_BODY
         assert set(answers[1:]) == {b"short"}
         await until(lambda: there.robot.streams == 0, "nothing is left at the robot")
 
 
 async def test_cookies_and_redirections_of_a_robot_stay_there() -> None:
     async with line() as there:
-        stream = there.ask("/api/short")
+        stream = there.request("/api/short")
         head = await stream.next()
         assert isinstance(head, ResponseHead)
         assert head.headers == (("content-type", "text/plain"),)
@@ -166,9 +166,9 @@ async def test_cookies_and_redirections_of_a_robot_stay_there() -> None:
 
 async def test_a_viewer_that_takes_nothing_stops_the_robot_and_costs_no_memory() -> None:
     async with line() as there:
-        stream = there.ask("/api/endless")
+        stream = there.request("/api/endless")
         await until(lambda: there.app.sent > MIN_WINDOW_BYTES, "it begins")
-        await body(there.ask("/api/long"))  # others go on meanwhile
+        await body(there.request("/api/long"))  # others go on meanwhile
         assert there.app.sent <= MAX_WINDOW_BYTES
         stream.close()
         await until(lambda: there.app.ended == ["/long", "/endless"], "it ends with its viewer")
@@ -176,13 +176,13 @@ async def test_a_viewer_that_takes_nothing_stops_the_robot_and_costs_no_memory()
 
 async def test_messages_of_a_socket_arrive_whole_and_in_order() -> None:
     async with line() as there:
-        stream = there.ask("/ws", socket=("imuscope.v1",))
+        stream = there.request("/ws", socket=("imuscope.v1",))
         head = await stream.next()
         assert isinstance(head, ResponseHead)
         assert head.subprotocol == "imuscope.v1"
         for text in ("é", "b" * 30_000):
             stream.send_text(text)
-            for expected, is_text in ((text.encode() * 3, True), (LONG, False)):
+            for expected, is_text in ((text.encode() * 3, True), (LONG_BODY, False)):
                 message = b""
                 while True:
                     part = await stream.next()
@@ -199,7 +199,7 @@ async def test_messages_of_a_socket_arrive_whole_and_in_order() -> None:
 
 async def test_a_command_is_carried_out_although_its_viewer_leaves_and_its_line_is_lost() -> None:
     async with line() as there:
-        waiting, command = there.ask("/api/wait"), there.ask("/api/command", method="POST")
+        waiting, command = there.request("/api/wait"), there.request("/api/command", method="POST")
         await until(lambda: set(there.app.began) == {"/wait", "/command"}, "both have begun")
         waiting.close()
         command.close()
@@ -207,27 +207,27 @@ async def test_a_command_is_carried_out_although_its_viewer_leaves_and_its_line_
         await until(lambda: there.app.ended == ["/wait"], "the one that only reads has ended")
         there.app.carry_on.set()
         await until(lambda: there.robot.streams == 0, "the other one, too")
-        assert there.told == ["Command through the fleet server of operator at 10.0.0.5: POST /api/command."]
+        assert there.notices == ["Command through the fleet server of operator at 10.0.0.5: POST /api/command."]
 
 
 async def test_streams_end_when_the_other_side_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
     async with line() as there:
-        stream = there.ask("/api/wait")
+        stream = there.request("/api/wait")
         await until(lambda: there.robot.streams == 1, "it is open")
         monkeypatch.setattr(http_tunnel_server, "SILENCE_S", -1.0)
         there.fleet.tick()
-        with pytest.raises(DomainError, match="has not answered") as told:
+        with pytest.raises(DomainError, match="has not answered") as error:
             await stream.next()
-        assert told.value.kind == "gone"
-        assert told.value.hint
+        assert error.value.kind == "gone"
+        assert error.value.hint
         monkeypatch.setattr(http_tunnel_robot, "SILENCE_S", -1.0)
         there.robot.tick()
         await until(lambda: there.robot.streams == 0, "the robot has ended it, too")
 
 
-async def test_both_sides_tell_each_other_that_they_are_there() -> None:
+async def test_both_sides_report_to_each_other_that_they_are_there() -> None:
     async with line() as there:
-        stream = there.ask("/api/wait")
+        stream = there.request("/api/wait")
         received = there.fleet.bytes
         there.fleet.tick()
         await until(lambda: there.fleet.bytes > received, "the robot answers")
@@ -236,12 +236,12 @@ async def test_both_sides_tell_each_other_that_they_are_there() -> None:
         with pytest.raises(DomainError, match="is lost"):
             await stream.next()
         with pytest.raises(DomainError, match="is lost"):
-            there.ask("/api/short")
+            there.request("/api/short")
 
 
 async def test_a_lost_message_ends_its_stream_and_no_other() -> None:
     async with line() as there:
-        broken, other = there.ask("/api/wait"), there.ask("/api/wait")
+        broken, other = there.request("/api/wait"), there.request("/api/wait")
         there.fleet.take("a", encode(ResponsePart(broken.number, 3, b"x")))
         there.fleet.take("b", encode(ResponsePart(other.number, 3, b"x")))  # not of that robot
         with pytest.raises(DomainError, match="was lost"):
@@ -252,12 +252,12 @@ async def test_a_lost_message_ends_its_stream_and_no_other() -> None:
 
 async def test_a_request_that_was_lost_on_the_way_is_noticed() -> None:
     async with line() as there:
-        other = there.ask("/api/wait")
+        other = there.request("/api/wait")
         session, there.fleet._session = there.fleet._session, None
         with pytest.raises(DomainError, match="is lost"):
-            there.ask("/api/short")
+            there.request("/api/short")
         there.fleet._session = session
-        lost = there.ask("/api/wait")
+        lost = there.request("/api/wait")
         await until(lambda: there.robot.streams == 2, "both are open")
         there.robot.take(there.fleet.id, encode(CancelStream(lost.number, 1)))  # as if it had never arrived
         await until(lambda: there.robot.streams == 1, "the robot has one")
@@ -268,9 +268,9 @@ async def test_a_request_that_was_lost_on_the_way_is_noticed() -> None:
         assert await body(other) == b"short"
 
 
-async def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -> None:
+async def test_a_robot_that_sends_more_than_was_requested_is_not_listened_to() -> None:
     async with line() as there:
-        stream = there.ask("/api/wait")
+        stream = there.request("/api/wait")
         there.fleet.take("a", encode(ResponseHead(stream.number, 0)))
         for number in range(1, 3 * MAX_WINDOW_BYTES // MAX_PART):
             there.fleet.take("a", encode(ResponsePart(stream.number, number, bytes(MAX_PART))))
@@ -280,13 +280,13 @@ async def test_a_robot_that_sends_more_than_was_asked_for_is_not_listened_to() -
 
 async def test_requests_at_once_are_limited() -> None:
     async with line() as there:
-        streams = [there.ask("/api/wait") for _ in range(http_tunnel_server.MAX_STREAMS)]
-        with pytest.raises(DomainError) as told:
-            there.ask("/api/short")
-        assert told.value.kind == "full"
+        streams = [there.request("/api/wait") for _ in range(http_tunnel_server.MAX_STREAMS)]
+        with pytest.raises(DomainError) as error:
+            there.request("/api/short")
+        assert error.value.kind == "full"
         await until(lambda: there.robot.streams == len(streams), "all are open")
         streams.pop().close()
-        assert await body(there.ask("/api/short")) == b"short"
+        assert await body(there.request("/api/short")) == b"short"
 
 
 async def test_a_request_for_another_run_of_the_robot_is_not_answered() -> None:
@@ -294,7 +294,7 @@ async def test_a_request_for_another_run_of_the_robot_is_not_answered() -> None:
         there.robot.take("f" * 16, encode(OpenStream(1, "f" * 16, "POST", "/api/command", role="control")))
         there.robot.take("f" * 16, encode(KeepAlive("f" * 16)))
         assert there.robot.streams == 0
-        assert there.told == []
+        assert there.notices == []
 
 
 async def test_what_is_sent_keeps_to_the_limit_of_the_line() -> None:
@@ -306,8 +306,8 @@ async def test_what_is_sent_keeps_to_the_limit_of_the_line() -> None:
 
     async with line(delay_of) as there:
         counted.clear()
-        await body(there.ask("/api/long"))
-        assert len(LONG) < sum(counted) < 1.1 * len(LONG)
+        await body(there.request("/api/long"))
+        assert len(LONG_BODY) < sum(counted) < 1.1 * len(LONG_BODY)
 
 
 async def test_a_window_shrinks_on_a_slow_line_and_grows_on_a_fast_one() -> None:

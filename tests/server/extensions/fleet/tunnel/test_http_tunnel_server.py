@@ -87,11 +87,11 @@ def another_robot_is_denied(server: ServerProcess, bus: str) -> None:
     with FleetRobot("b", bus, BusCredentials(user="b", password=PASSWORDS["b"])) as b:
         block_until(b.opened.is_set, "b is connected")
         assert b.session is not None
-        heard: list[str] = []
+        received: list[str] = []
         mine = "f" * 16
         held = [
             b.session.declare_subscriber(
-                key, lambda sample: heard.append(str(sample.key_expr)), allowed_origin=zenoh.Locality.REMOTE
+                key, lambda sample: received.append(str(sample.key_expr)), allowed_origin=zenoh.Locality.REMOTE
             )
             for key in (keys.answers(mine), keys.answers("*"), f"{keys.ROOT}/**")
         ]
@@ -106,7 +106,7 @@ def another_robot_is_denied(server: ServerProcess, bus: str) -> None:
             "what b says of itself arrives",
         )
         assert get(f"{base(server)}/api/build").status_code == 200
-        assert heard == []
+        assert received == []
         del held
 
 
@@ -144,7 +144,7 @@ def test_live_samples_pass_through_the_line(tmp_path: Path) -> None:
             assert len(message) > 100
 
 
-def test_a_robot_whose_line_is_lost_is_said_to_be(tmp_path: Path) -> None:
+def test_a_robot_whose_line_is_lost_is_reported_as_lost(tmp_path: Path) -> None:
     with fleet_of(tmp_path, "view") as (server, own, _):
         url = base(server).replace("http", "ws", 1) + "/ws"
         with connect(url, subprotocols=[wire.SUBPROTOCOL], max_size=None) as socket:
@@ -189,7 +189,7 @@ async def test_a_change_goes_back_by_itself_when_the_line_is_cut_before_it_is_co
         await asyncio.to_thread(cut, there)
 
 
-def test_commands_need_a_line_that_nobody_else_can_write_to() -> None:
+def test_commands_need_a_line_that_no_one_else_can_write_to() -> None:
     for router in ("tcp/127.0.0.1:7447", "tls/fleet.example:7447"):
         assert allowed_pages(FleetSettings(router=router, pages="control")) == "control"
     assert allowed_pages(FleetSettings(router="tcp/fleet.example:7447")) == "view"

@@ -48,10 +48,10 @@ class Pages:
 
     def __init__(self, stream: Stream) -> None:
         self.stream = stream
-        self.asked: list[OpenStream] = []
+        self.requests: list[OpenStream] = []
 
     def open(self, robot: str, request: Callable[[int, str], OpenStream]) -> Stream:
-        self.asked.append(request(1, "boot"))
+        self.requests.append(request(1, "boot"))
         return self.stream
 
 
@@ -63,7 +63,9 @@ def line(*sent: object) -> tuple[RobotLine, Pages]:
 def test_an_answer_is_put_together_and_decoded() -> None:
     robot, pages = line(ResponseHead(1, 1), ResponsePart(1, 2, b'{"a"'), ResponsePart(1, 3, b": 7}"), EndStream(1, 4))
     assert asyncio.run(robot.get("/api/x", dict[str, int])) == {"a": 7}
-    assert [(one.method, one.path, one.role, one.who) for one in pages.asked] == [("GET", "/api/x", "control", "Ada")]
+    assert [(one.method, one.path, one.role, one.who) for one in pages.requests] == [
+        ("GET", "/api/x", "control", "Ada")
+    ]
     assert pages.stream.is_closed
 
 

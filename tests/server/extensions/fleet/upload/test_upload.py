@@ -83,25 +83,25 @@ def test_other_content_and_another_robot_are_other_recordings(
     commands.uploaded(recording, store, "a")
     commands.upload(recording, store, "b c")
     commands.upload(tmp_path / "second.mcap", store, "a")
-    found = commands.query(
+    result = commands.query(
         store, "SELECT robot, count(*) AS n, count(DISTINCT recording) AS d FROM recordings GROUP BY 1"
     )
-    assert sorted(map(str, found)) == sorted(
+    assert sorted(map(str, result)) == sorted(
         map(str, [{"robot": "a", "n": 2, "d": 2}, {"robot": "b c", "n": 1, "d": 1}])
     )
 
 
 def test_a_capture_is_imported_into_a_recording(commands: Commands, store: Path, tmp_path: Path) -> None:
-    kept = drive(tmp_path / "a.mcap")
+    path = drive(tmp_path / "a.mcap")
     capture = tmp_path / "capture.bin"
-    capture.write_bytes(kept)
+    capture.write_bytes(path)
     commands.upload(capture, store)
     os.utime(capture, (1_700_000_000, 1_700_000_000))  # its times come from here; its content is the same
     assert "was uploaded before" in commands.upload(capture, store)
     (row,) = commands.query(store, "SELECT object, format, messages FROM recordings")
     made = open_file(store / row["object"])
     assert (row["format"], made.format) == ("bin", "mcap")
-    assert b"".join(part.data for part in made.parts()) == kept
+    assert b"".join(part.data for part in made.parts()) == path
     assert row["messages"] > 300
 
 
@@ -121,8 +121,8 @@ def test_tags_and_markers_of_the_page_come_along(commands: Commands, recording: 
     commands.upload(recording, store)
     (row,) = commands.query(store, "SELECT title, tags, notes, markers FROM recordings")
     assert row == {"title": "Yard", "tags": "wet, night", "notes": "Slow.", "markers": 2}
-    found = commands.query(store, "SELECT kind, text FROM events WHERE kind IN ('marker', 'note') ORDER BY time")
-    assert found == [{"kind": "note", "text": "curb"}, {"kind": "marker", "text": "bump"}]
+    result = commands.query(store, "SELECT kind, text FROM events WHERE kind IN ('marker', 'note') ORDER BY time")
+    assert result == [{"kind": "note", "text": "curb"}, {"kind": "marker", "text": "bump"}]
 
 
 def test_settings_have_a_row_for_each_field(commands: Commands, store: Path, tmp_path: Path) -> None:
@@ -159,10 +159,10 @@ def test_an_upload_that_was_cut_off_is_finished_by_the_next(
     store = tmp_path / "store"
     steps, append = iter(range(100)), uploading.append_once
 
-    def cut(*given: object) -> bool:
+    def cut(*case: object) -> bool:
         if next(steps) == after:
             raise Cut
-        return append(*given)  # type: ignore[arg-type]
+        return append(*case)  # type: ignore[arg-type]
 
     monkeypatch.setattr(uploading, "append_once", cut)
     try:
@@ -198,8 +198,8 @@ def test_two_uploads_at_once_are_one(commands: Commands, recording: Path, store:
     drive(tmp_path / "second.mcap", seconds=3.0)
     files = (recording, recording, tmp_path / "second.mcap", tmp_path / "second.mcap")
     processes = [begun("upload", "--store", str(store), "--robot", "otter", str(file)) for file in files]
-    said = [process.communicate()[0] for process in processes]
-    assert [process.returncode for process in processes] == [0, 0, 0, 0], said
+    texts = [process.communicate()[0] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0, 0], texts
     assert counts(store) | {"samples": 0} == {name: 2 * n for name, n in COUNTS.items()} | {"samples": 0}
     rows = commands.query(store, "SELECT count(*) AS n, count(DISTINCT recording) AS d FROM recordings")
     assert rows == [{"n": 2, "d": 2}]
@@ -229,9 +229,9 @@ def test_a_lost_object_is_uploaded_again(commands: Commands, recording: Path, st
 )
 def test_an_invalid_store_is_one_line(store: str, words: str, commands: Commands, recording: Path) -> None:
     for command in (("upload", recording, "--robot", "a"), ("query", "SELECT 1")):
-        said = commands.refused(*command, "--store", store)
-        assert words in said
-        assert "secret" not in said
+        message = commands.refused(*command, "--store", store)
+        assert words in message
+        assert "secret" not in message
 
 
 @each_row("robot", ["", "..", "a/b", "a\nb", "x" * 101, "-x", "a:b"])
@@ -261,7 +261,7 @@ def test_missing_rights_are_one_line(commands: Commands, recording: Path, store:
 
 
 @each_row(
-    ("said", "words"),
+    ("output", "words"),
     [
         ("Generic LocalFileSystem error: No space left on device (os error 28)", "the disk is full"),
         ("Server returned non-2xx status code: 507 Insufficient Storage: ", "the store is full"),
@@ -277,8 +277,8 @@ def test_missing_rights_are_one_line(commands: Commands, recording: Path, store:
         ("Something else\n\nDebug source: Foo {}", "/x: Something else"),
     ],
 )
-def test_errors_of_the_libraries_become_one_sentence(said: str, words: str) -> None:
-    made = store_error(OSError(said), location("/x"))
+def test_errors_of_the_libraries_become_one_sentence(output: str, words: str) -> None:
+    made = store_error(OSError(output), location("/x"))
     assert isinstance(made, StoreError)
     assert words in made.message
     assert "\n" not in made.message
@@ -297,11 +297,11 @@ def test_a_server_that_does_not_answer_is_one_line(
 
 
 @each_row(("package", "command"), [("deltalake", "upload"), ("obstore", "upload"), ("duckdb", "query")])
-def test_without_the_packages_the_commands_say_what_to_install(
+def test_without_the_packages_the_commands_state_what_to_install(
     package: str, command: str, recording: Path, store: Path
 ) -> None:
-    given = ("upload", str(recording), "--robot", "a") if command == "upload" else ("query", "SELECT 1")
-    process = begun(package, *given, "--store", str(store), module=without_package.__name__, apart=True)
+    source = ("upload", str(recording), "--robot", "a") if command == "upload" else ("query", "SELECT 1")
+    process = begun(package, *source, "--store", str(store), module=without_package.__name__, apart=True)
     assert process.communicate() == (
         "",
         "imuscope: a store needs further packages; install them with: pip install 'imuscope[fleet]'.\n",

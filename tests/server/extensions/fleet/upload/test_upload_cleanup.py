@@ -44,7 +44,7 @@ def test_what_was_not_stored_stays(tmp_path: Path) -> None:
     assert not goes(entry(tmp_path), replace(STORED, state="refused"))
 
 
-def test_what_somebody_keeps_stays(tmp_path: Path) -> None:
+def test_what_a_user_keeps_stays(tmp_path: Path) -> None:
     assert not goes(entry(tmp_path, edits=Edits(tags=("Keep",))))
     assert not goes(entry(tmp_path, edits=Edits(pinned=True)))
     assert not goes(entry(tmp_path, kind="csv"))

@@ -24,7 +24,7 @@ def entry(*tags: str, title: str = "Yard", markers: tuple[str, ...] = (), size: 
 
 
 @each_row(
-    ("rules", "given", "reason"),
+    ("rules", "case", "reason"),
     [
         ({}, entry(), ""),
         ({"skip_tags": ("private",)}, entry("wet", "Private"), "It has the tag private."),
@@ -41,8 +41,8 @@ def entry(*tags: str, title: str = "Yard", markers: tuple[str, ...] = (), size: 
         ({"upload_alarms_only": True}, entry(title="Alarm Hot"), ""),
     ],
 )
-def test_a_rule_refuses_with_its_reason(rules: dict[str, Any], given: LibraryEntry, reason: str) -> None:
-    assert refusal(given, StoreSettings(**rules)) == reason
+def test_a_rule_refuses_with_its_reason(rules: dict[str, Any], case: LibraryEntry, reason: str) -> None:
+    assert refusal(case, StoreSettings(**rules)) == reason
 
 
 def test_a_duration_that_is_unknown_does_not_refuse() -> None:

@@ -67,8 +67,8 @@ def until(server: InProcessServer, recording: str, state: str) -> dict[str, Any]
         one = states(server).get(recording, {})
         return one if one.get("state") == state else None
 
-    found: dict[str, Any] = block_until(is_it, lambda: states(server))
-    return found
+    result: dict[str, Any] = block_until(is_it, lambda: states(server))
+    return result
 
 
 def stored(store: Path) -> list[str]:
@@ -132,8 +132,8 @@ def test_what_waits_gave_no_reason_and_what_was_stored_no_progress(
         assert {one["reason"] for one in states(server).values()} == {settling}
         monkeypatch.setattr(uploads, "SETTLED_S", 0.0)
         block_until(lambda: any(one["state"] == "uploading" for one in states(server).values()), lambda: states(server))
-        found = sorted((one["state"], one["reason"]) for one in states(server).values())
-        assert found == [("uploading", ""), ("waiting", "Another recording is being uploaded.")]
+        results = sorted((one["state"], one["reason"]) for one in states(server).values())
+        assert results == [("uploading", ""), ("waiting", "Another recording is being uploaded.")]
 
 
 _start = Worker.start
@@ -147,7 +147,7 @@ async def _never(module: str, *arguments: str, **more: Any) -> Worker:
     raise AssertionError
 
 
-def test_a_store_that_fails_is_told_and_tried_again(tmp_path: Path) -> None:
+def test_a_store_that_fails_is_reported_and_tried_again(tmp_path: Path) -> None:
     """A full disk likewise: the words are those of the store."""
     data, store = tmp_path / "data", tmp_path / "store"
     store.write_text("in the way")
@@ -160,13 +160,13 @@ def test_a_store_that_fails_is_told_and_tried_again(tmp_path: Path) -> None:
         until(server, "a", "stored")
         assert server.client.get("/api/uploads").json()["problem"] == ""
         assert states(server)["a"]["progress"] == 1.0
-        said = events(server)
-        assert sum("cannot be uploaded at present" in text for text in said) == 1
-        assert "Recordings are uploaded again." in said
+        message = events(server)
+        assert sum("cannot be uploaded at present" in text for text in message) == 1
+        assert "Recordings are uploaded again." in message
     assert stored(store) == ["a.mcap"]
 
 
-def test_a_backlog_that_fills_the_quota_is_told_once(tmp_path: Path) -> None:
+def test_a_backlog_that_fills_the_quota_is_reported_once(tmp_path: Path) -> None:
     data, store = tmp_path / "data", tmp_path / "store"
     store.write_text("in the way")
     size = 0
@@ -243,8 +243,8 @@ def test_a_server_that_is_killed_in_an_upload_stores_it_once(progress: float, tm
     def state(server: ServerProcess) -> dict[str, Any]:
         with http_client(base_url=server.url) as client:
             (one,) = client.get("/api/uploads").json()["recordings"]
-        found: dict[str, Any] = one
-        return found
+        result: dict[str, Any] = one
+        return result
 
     with ServerProcess("sim:xbus?rate=10", data=data, arguments=("--config", str(settings))) as server:
         block_until(lambda: state(server)["progress"] >= progress or state(server)["state"] == "stored", server.log)
@@ -294,9 +294,9 @@ def overcome(server: InProcessServer, small: Path, words: str) -> None:
     subprocess.run(["mount", "-o", "remount,size=64m", str(small)], check=True)
     until(server, "a", "stored")
     assert problem(server) == ""
-    said = events(server)
-    assert sum("cannot be uploaded at present" in text for text in said) == 1
-    assert "Recordings are uploaded again." in said
+    message = events(server)
+    assert sum("cannot be uploaded at present" in text for text in message) == 1
+    assert "Recordings are uploaded again." in message
 
 
 @pytest.mark.slow

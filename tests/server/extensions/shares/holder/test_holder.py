@@ -80,7 +80,7 @@ def test_a_terminal_may_have_an_owner_and_permissions() -> None:
         ("tcp://:4001?group=x", "no option 'group'"),
     ],
 )
-def test_a_wrong_address_says_what_is_allowed(text: str, words: str) -> None:
+def test_a_wrong_address_states_what_is_allowed(text: str, words: str) -> None:
     with pytest.raises(ShareError, match=words):
         ShareAddress.parse(text)
 
@@ -105,7 +105,7 @@ class Reader:
     """A client that takes so many bytes at a time."""
 
     def __init__(self) -> None:
-        self.taken = b""
+        self.written = b""
         self.room = 0
 
     def write(self, data: bytes) -> int:
@@ -113,7 +113,7 @@ class Reader:
             raise BlockingIOError
         n = min(self.room, len(data))
         self.room -= n
-        self.taken += data[:n]
+        self.written += data[:n]
         return n
 
 
@@ -138,17 +138,17 @@ def test_a_slow_client_loses_whole_frames_and_they_are_counted(
         turn += 1
     reader.room = 1 << 20
     queue.send(reader.write)
-    found, kept = reader.taken, []
-    while found:
-        size = size_of(found, 0)
+    results, stored = reader.written, []
+    while results:
+        size = size_of(results, 0)
         assert size > 0
-        number = int.from_bytes(found[2:4], "little")
-        assert found[:size] == frames[number]
-        kept.append(number)
-        found = found[size:]
-    assert kept == sorted(set(kept))
-    assert queue.dropped_frames == len(frames) - len(kept)
-    assert queue.dropped_bytes == len(stream) - len(reader.taken)
+        number = int.from_bytes(results[2:4], "little")
+        assert results[:size] == frames[number]
+        stored.append(number)
+        results = results[size:]
+    assert stored == sorted(set(stored))
+    assert queue.dropped_frames == len(frames) - len(stored)
+    assert queue.dropped_bytes == len(stream) - len(reader.written)
 
 
 def test_while_the_protocol_is_unknown_whole_reads_are_lost() -> None:
@@ -158,7 +158,7 @@ def test_while_the_protocol_is_unknown_whole_reads_are_lost() -> None:
     assert queue.dropped_bytes > 0
     reader.room = 1000
     queue.send(reader.write)
-    blocks = [reader.taken[at : at + 10] for at in range(0, len(reader.taken), 10)]
+    blocks = [reader.written[at : at + 10] for at in range(0, len(reader.written), 10)]
     assert all(len(set(block)) == 1 for block in blocks)
     assert blocks[-1] == bytes([19]) * 10
 
@@ -306,11 +306,11 @@ def test_an_imx_is_configured_by_sentences_too() -> None:
     driver = PROTOCOLS["isb"].configuration.driver
     assert driver is not None
     known = DeviceContext(product="IMX-5")
-    asked = driver.frame("INFO", {}, known) + driver.frame("ASCE", {}, known)
-    assert effects("isb", asked) == []
+    request = driver.frame("INFO", {}, known) + driver.frame("ASCE", {}, known)
+    assert effects("isb", request) == []
     messages = {"options": 0, "messages": [{"id": 7, "period": 1}]}
     for name, values in {"STPB": {}, "STPC": {}, "PERS": {}, "SRST": {}, "ASCE": messages}.items():
-        assert effects("isb", b"noise" + asked + driver.frame(name, values, known) + asked) == ["change"], name
+        assert effects("isb", b"noise" + request + driver.frame(name, values, known) + request) == ["change"], name
     correction = driver.frame("GET_DID_INS_1", {}, known)
     assert effects("isb", b"$STP\x00" + correction + b"$" + b"x" * 600 + driver.frame("STPC", {}, known)) == ["change"]
 
@@ -327,12 +327,12 @@ def test_messages_survive_any_division_of_the_stream(
     messages: list[tuple[MessageKind, bytes]], data: st.DataObject
 ) -> None:
     stream = b"".join(message(kind, body) for kind, body in messages)
-    reader, found = MessageReader(), []
+    reader, results = MessageReader(), []
     while stream:
         n = data.draw(st.integers(1, len(stream)))
-        found += list(reader.feed(stream[:n]))
+        results += list(reader.feed(stream[:n]))
         stream = stream[n:]
-    assert found == messages
+    assert results == messages
 
 
 def test_bytes_of_the_device_reach_the_server_at_once_then_together() -> None:
@@ -347,10 +347,10 @@ def test_bytes_of_the_device_reach_the_server_at_once_then_together() -> None:
         assert connection.due_at < math.inf  # and has a wake-up of its own then
         assert connection.add(late, b"fourth")  # unless more arrives, which takes it along
         connection.pass_on()
-        found = list(MessageReader().feed(theirs.recv(1 << 16)))
+        results = list(MessageReader().feed(theirs.recv(1 << 16)))
         connection.close()
     parts = [(1, b"first"), (2, b"second"), (3, b"third"), (late, b"fourth")]
-    assert found == [(MessageKind.DATA, STAMP.pack(stamp) + data) for stamp, data in parts]
+    assert results == [(MessageKind.DATA, STAMP.pack(stamp) + data) for stamp, data in parts]
 
 
 @each_row("head", [HEADER.pack(0x7F, 0), HEADER.pack(MessageKind.DATA, MOST_BODY + 1)])

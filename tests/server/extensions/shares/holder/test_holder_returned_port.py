@@ -58,7 +58,7 @@ def test_a_returned_port_is_shared_again_without_waiting_for_the_next_attempt(
             os.close(driver)
 
 
-def test_a_port_whose_permissions_come_after_it_is_another_one_to_look_at(tmp_path: Path) -> None:
+def test_a_port_whose_permissions_come_after_it_is_another_one_to_examine(tmp_path: Path) -> None:
     """The system makes a port first, and then gives it to the group of port users."""
     place = tmp_path / "ttyUSB0"
     assert standing_at(str(place)) is None
