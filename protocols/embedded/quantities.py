@@ -207,13 +207,9 @@ def _numbers(fields: Mapping[str, Any]) -> dict[str, float]:
     numbers: dict[str, float] = {}
     before = ""
     for name, value in fields.items():
-        if _is_number(value):
+        if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
             numbers[name] = float(value)
         elif before in numbers and _SIDES.search(name) and str(value).strip().upper() in _NEGATIVE:
             numbers[before] = -abs(numbers[before])  # a latitude may be signed already
         before = name
     return numbers
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)

@@ -111,10 +111,6 @@ class StreamRow:
         return (self.pace,) if other is None else (other, self.pace)
 
 
-def _rmc_bits() -> Mapping[str, int]:
-    return {f"RMC_BITS_{bits.name}": bits.low for bits in TABLES.words["RMC_BITS"]}
-
-
 def _pace(did: int, name: str) -> str:
     if did in _EVENTS:
         return EVENT
@@ -122,7 +118,7 @@ def _pace(did: int, name: str) -> str:
 
 
 def _streams() -> Mapping[int, StreamRow]:
-    bits = _rmc_bits()
+    bits = {f"RMC_BITS_{bits.name}": bits.low for bits in TABLES.words["RMC_BITS"]}
     groups = {did: group for group, dids in _GROUPS for did in dids}
     rows = {}
     for did, row in SETS.items():

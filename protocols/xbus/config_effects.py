@@ -31,7 +31,7 @@ def line_change(setting: str, old: Values | None, new: Values, known: DeviceCont
         return _baud_change(int(new["baudrate_code"]), known, "The device")
     if setting == "PortConfig":
         return _port_change([int(word) for word in (old or {}).get("words", ())], new["words"], known)
-    if setting == "OutputConfiguration" and not _sends(new):
+    if setting == "OutputConfiguration" and not any(entry["data_identifier"] for entry in new["outputs"]):
         return BaudChange("silent", "The device sends no data until an output is selected again.")
     if setting == "SyncSettings" and _sends_latest(new) and not _sends_latest(old or {"settings": []}):
         return BaudChange("silent", "The device sends data only when triggered (SendLatest).")
@@ -118,10 +118,6 @@ def instead(
 def _sends_latest(values: Values) -> set[int]:
     """The lines on which SendLatest waits for a trigger."""
     return {int(one["line"]) for one in values["settings"] if one["function"] == SEND_LATEST and one["polarity"]}
-
-
-def _sends(outputs: Values) -> bool:
-    return any(entry["data_identifier"] for entry in outputs["outputs"])
 
 
 # -- comparison --------------------------------------------------------------------------------------------------------

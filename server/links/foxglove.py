@@ -210,7 +210,7 @@ class FoxgloveLink(MessageLink):
 
         host = f"[{self.where.host}]" if ":" in self.where.host else self.where.host
         token = os.environ.get(TOKEN, "")
-        refusal = self._no_server()
+        refusal = LinkError("refused", f"No Foxglove server answers at {self.where.place}.", PORT_HINT)
         for path in PATHS:
             try:
                 connection = await connect(
@@ -244,9 +244,6 @@ class FoxgloveLink(MessageLink):
             if connection.subprotocol is not None:  # its devices would be its own source, again and again
                 raise self._own_server()
         raise refusal
-
-    def _no_server(self) -> LinkError:
-        return LinkError("refused", f"No Foxglove server answers at {self.where.place}.", PORT_HINT)
 
     def _refused(self, message: str, hint: str) -> LinkError:
         return LinkError("refused", f"{self.where.place} answers: {message}", hint or PORT_HINT)

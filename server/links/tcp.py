@@ -175,12 +175,9 @@ class TcpListenLink(_Connection):
             raise listen_error(self.kind, self.host, self.port, error) from None
         self._listener.setblocking(False)
         self.address = self._listener.getsockname()[:2]
-        self._set_waiting_notice()
+        self.notices = [f"Waiting for a device to connect to {heading(*self.address)}."]
         progress_line(progress, place_of(*self.address), "waiting for a device to connect")
         self._start(self._listener.fileno(), self._on_newcomer)
-
-    def _set_waiting_notice(self) -> None:
-        self.notices = [f"Waiting for a device to connect to {heading(*self.address)}."]
 
     def _on_newcomer(self) -> None:
         assert self._listener is not None

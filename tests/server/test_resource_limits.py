@@ -243,7 +243,7 @@ from imuscope.recordings.system import resource_limits
 
 def hostile(path):
     if path.name == "large":
-        bytearray(2 * compaction.MEMORY)
+        bytearray(2 * compaction.MAX_MEMORY_BYTES)
     while True:
         pass
 

@@ -75,11 +75,6 @@ function seriesOf(channel: Channel, columns: readonly number[]): Series[] {
   });
 }
 
-/** "ENU from body" and "ENU" are both ENU to the reader. */
-function frameOf(channel: Channel): string {
-  return channel.info.frame.split(" ")[0] ?? "";
-}
-
 function spec(
   channel: Channel,
   key: string,
@@ -95,7 +90,7 @@ function spec(
     key: `${channel.info.name}${key}`,
     title,
     unit,
-    frame: frameOf(channel),
+    frame: channel.info.frame.split(" ")[0] ?? "", // "ENU from body" and "ENU" are both ENU to the reader
     series,
     decimals,
     weight,

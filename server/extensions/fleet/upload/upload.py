@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -159,14 +158,10 @@ def _object_of(store: StoreLocation, recording: str) -> tuple[str, int, str] | N
     assert table is not None
     with storage_errors(store):
         rows = dataset_of(store, table, RECORDINGS).to_table(
-            columns=["object", "bytes", "checksum"], filter=_is_recording(recording)
+            columns=["object", "bytes", "checksum"], filter=pc.field("recording") == recording
         )
     row = rows.to_pylist()
     return (row[0]["object"], row[0]["bytes"], row[0]["checksum"]) if row else None
-
-
-def _is_recording(recording: str) -> Any:
-    return pc.field("recording") == recording
 
 
 def _is_there(store: StoreLocation, key: str, size: int, checksum: str) -> bool:

@@ -5,7 +5,6 @@ import { Begun, Following } from "./scene-frame";
 import { serverRoot, shownRobot } from "../../requests/server-place";
 import { TEXT } from "./texts";
 import { COMMON } from "../../texts/common";
-import type { Panel } from "../../ui/dom/dom";
 import { late } from "../../ui/dom/late";
 import { reading, selected } from "../../panels/panel-context";
 import type { Deps } from "../../page/context";
@@ -23,10 +22,6 @@ function Scene({ deps }: { readonly deps: Deps }) {
     return <RecordedScene player={player} />;
   }
   return device === undefined ? <p class="wait">{COMMON.none}</p> : <LiveScene key={device} device={device} />;
-}
-
-function mountScene(host: HTMLElement, deps: Deps): Panel {
-  return renderedPanel(host, <Scene deps={deps} />);
 }
 
 const Live = ({ device }: { readonly device: string | undefined }) => <Begun device={device ?? ""} />;
@@ -69,7 +64,7 @@ registerExtension({
       class: "scene-frame",
       optional: true,
       applies: () => shownRobot() === undefined, // a fleet server does not pass viewers on
-      mount: mountScene,
+      mount: (host, deps) => renderedPanel(host, <Scene deps={deps} />),
     },
   ],
 });

@@ -18,7 +18,7 @@ interface Offer {
 /** What may complete the word before the caret. */
 export function completionsOfSql(text: string, caret: number, words: QueryWords | undefined): readonly Completion[] {
   const before = text.slice(0, caret);
-  if (isInComment(before)) return [];
+  if (/--[^\n]*$/.test(before)) return []; // in a comment
   const inText = /samples\s*\(\s*'([^']*)$/i.exec(before);
   if (inText) return taken(matching(signalsOf(words), inText[1] ?? ""), inText[1] ?? "", caret);
   if (((before.match(/'/g) ?? []).length & 1) === 1) return [];
@@ -38,10 +38,6 @@ export function completionsOfSql(text: string, caret: number, words: QueryWords 
     ...matching(tablesOf(words), word),
   ];
   return taken(offers, word, caret);
-}
-
-function isInComment(before: string): boolean {
-  return /--[^\n]*$/.test(before);
 }
 
 const plain = (word: string): Offer => ({ label: word, doc: "", insert: word });
