@@ -21,7 +21,7 @@ from importlib import resources
 from imuscope.protocols.schema.fields import Field
 
 _CODES = {"U1": "B", "U2": "H", "U4": "I", "I1": "b", "I2": "h", "I4": "i", "R4": "f", "R8": "d"}
-TAG, _RAW_AT, _RAW_SIZE, _MOST = "sTtag", 4, 8, 99  # of ESF-RAW; samples of a message
+TAG, _RAW_AT, _RAW_SIZE, _MAX_SAMPLES = "sTtag", 4, 8, 99  # of ESF-RAW; samples of a message
 _MEASURED, _FLAGS_AT, _DATA_AT, _TYPE_AT = "MEASUREMENT", 4, 8, 24  # of ESF-MEAS: bytes, and bit of a number's type
 
 
@@ -134,7 +134,7 @@ def _samples(payload: bytes) -> list[dict[str, float | int]]:
             continue
         name, value = known
         if not samples or samples[-1][TAG] != tag or name in samples[-1]:
-            if len(samples) == _MOST:
+            if len(samples) == _MAX_SAMPLES:
                 break
             samples.append({TAG: tag})
         samples[-1][name] = value

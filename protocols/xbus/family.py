@@ -151,7 +151,7 @@ FORWARD_GNSS_DATA, ERROR = 0xE2, 0x42
 FORWARDS = "ForwardGnssData"  # a product with this command accepts RTCM
 PRECISIONS = ("Float32", "Fp12.20", "Fp16.32", "Float64")
 HOST_PORTS = ("rs232", "uart")  # of a 600-series, in the order of the words of its PortConfig
-USUAL = "MTi-630"
+DEFAULT_PRODUCT = "MTi-630"
 
 
 def _is_certain(table: Ints, data: Bytes) -> NDArray[np.bool_]:
@@ -265,7 +265,7 @@ def entry_words(entry: Mapping[str, Any]) -> tuple[str, str] | None:
 def _products() -> tuple[str, ...]:
     from imuscope.protocols.xbus.simulator.settings import PRODUCTS
 
-    return USUAL, *(name for name in PRODUCTS if name != USUAL)
+    return DEFAULT_PRODUCT, *(name for name in PRODUCTS if name != DEFAULT_PRODUCT)
 
 
 def _check(product: str, options: Mapping[str, str]) -> tuple[str, str] | None:

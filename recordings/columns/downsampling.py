@@ -23,9 +23,9 @@ import numpy as np
 
 from imuscope.protocols.arrays import Array, Ints
 
-NEAR, FAR = (16, 64), (256, 1024, 4096)
-LEVELS = (*NEAR, *FAR)
-ALIGN_BYTES = 64  # bytes
+NEAR_LEVELS, FAR_LEVELS = (16, 64), (256, 1024, 4096)
+LEVELS = (*NEAR_LEVELS, *FAR_LEVELS)
+ALIGN_BYTES = 64
 CLOCK_BYTES = 8
 
 
@@ -63,12 +63,13 @@ def level_offsets(blocks: Array, sizes: Sequence[int]) -> LevelOffsets:
     """
     own, rows = np.array(sizes, np.int64), blocks["rows"].astype(np.int64)
     clock = np.full(2, CLOCK_BYTES)
-    near_clocks = {1: np.full(3, CLOCK_BYTES), **dict.fromkeys(NEAR, clock)}
+    near_clocks = {1: np.full(3, CLOCK_BYTES), **dict.fromkeys(NEAR_LEVELS, clock)}
     both = np.concatenate((own, own))
     return LevelOffsets(
-        _begin(blocks["clocks"], rows, near_clocks) | _begin(blocks["far_clocks"], rows, dict.fromkeys(FAR, clock)),
-        _begin(blocks["values"], rows, {1: own, **dict.fromkeys(NEAR, both)})
-        | _begin(blocks["far_values"], rows, dict.fromkeys(FAR, both)),
+        _begin(blocks["clocks"], rows, near_clocks)
+        | _begin(blocks["far_clocks"], rows, dict.fromkeys(FAR_LEVELS, clock)),
+        _begin(blocks["values"], rows, {1: own, **dict.fromkeys(NEAR_LEVELS, both)})
+        | _begin(blocks["far_values"], rows, dict.fromkeys(FAR_LEVELS, both)),
     )
 
 

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Array, Floats
-from imuscope.recordings.columns.downsampling import FAR, LEVELS, LevelOffsets, level_offsets, padding, reduce
+from imuscope.recordings.columns.downsampling import FAR_LEVELS, LEVELS, LevelOffsets, level_offsets, padding, reduce
 from imuscope.recordings.system import atomic_write
 
 Base = Literal["device", "arrival"]
@@ -242,7 +242,7 @@ class ColumnStoreWriter:
             high = [reduce(c, cuts, flags, 1) for c, flags in zip(high, shape.status, strict=True)]
             step = level
             for array in (*low, *high):
-                (self._far if level in FAR else self._near).put(array)
+                (self._far if level in FAR_LEVELS else self._near).put(array)
         ends = (float(key[0]), float(key[-1]), float(arrival.min()), float(arrival.max()))
         self._index.append((number, len(key), clocks, values, far_clocks, far_values, *ends))
         self._newest[number] = float(key[-1])
@@ -256,7 +256,7 @@ class ColumnStoreWriter:
         for array in clocks:
             self._near.put(array)
         for level in LEVELS:
-            file = self._far if level in FAR else self._near
+            file = self._far if level in FAR_LEVELS else self._near
             file.put(np.ascontiguousarray(clocks[0][::level]))
             file.put(np.ascontiguousarray(clocks[1][::level]))
         self._written.append((clocks, at))
@@ -467,7 +467,7 @@ class ColumnStore:
     def _column(self, channel: int, block: int, name: Clock | int, step: int = 1, which: int = 0) -> Array:
         """One column of a block: its rows (step 1), or a level: `which` 0 the least, 1 the greatest values."""
         n = -(-int(self._blocks[channel]["rows"][block]) // step)
-        data, where = self._far if step in FAR else self._near, self._places.get(channel)
+        data, where = self._far if step in FAR_LEVELS else self._near, self._places.get(channel)
         if where is None:
             sizes = [dtype.itemsize for dtype in self._own[channel]]
             where = self._places[channel] = level_offsets(self._blocks[channel], sizes)

@@ -31,7 +31,7 @@ _SPELLINGS = {
 }
 _UNITS = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings.split()}
 SPELLINGS: Mapping[str, str] = {spelling: unit for spelling, unit in _UNITS.items() if unit in UNITS}
-LONG: Mapping[str, str] = {spelling: unit for spelling, unit in _UNITS.items() if unit not in UNITS}
+LONG_SPELLINGS: Mapping[str, str] = {spelling: unit for spelling, unit in _UNITS.items() if unit not in UNITS}
 """Spellings of units that only a heading can name."""
 FACTORS: Mapping[str, float] = {**UNITS, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 OLDEST_UNIX_S = 946_684_800.0  # 2000-01-01: an earlier date is that of a clock that is not set

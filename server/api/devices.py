@@ -30,7 +30,7 @@ from imuscope.server.services.services import Services
 
 SETTINGS_HINT = "The options of a source are listed at /openapi.json, AddDeviceRequest."
 PREFIX = "option_"  # of the fields in Python, because BaseModel has a member named schema
-LONGEST: dict[str, int] = {"text": 1000, "secret": 1000, "file": 100_000}
+MAX_CHARS: dict[str, int] = {"text": 1000, "secret": 1000, "file": 100_000}
 
 
 def bad_setting(error: DecodeOptionError) -> DomainError:
@@ -67,7 +67,7 @@ def _text(value: str | bool | SecretStr) -> str:
 
 def _field(option: DecodeOption) -> tuple[Any, Any]:
     """Type and properties of the field of an option."""
-    limit = LONGEST.get(option.kind)
+    limit = MAX_CHARS.get(option.kind)
     match option.kind:
         case "flag":
             return bool, Field(False, alias=option.name, description=option.help)

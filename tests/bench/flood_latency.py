@@ -19,7 +19,7 @@ from tests.support.waiting import block_until
 WITHIN_S = 1.0
 EVERY_S, WORK_S = 0.05, 0.004
 STRETCH = 10  # pieces of work, about half a second
-FEWEST = 3  # answers
+MIN_ANSWERS = 3  # answers
 
 
 class FloodLatency:
@@ -80,7 +80,7 @@ class FloodLatency:
         return self
 
     def __exit__(self, *_: object) -> None:
-        block_until(lambda: self.answers >= FEWEST, "the flood was looked at")
+        block_until(lambda: self.answers >= MIN_ANSWERS, "the flood was looked at")
         self._stop.set()
         for thread in self._threads:
             thread.join(2 * PATIENCE_S)

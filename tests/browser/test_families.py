@@ -35,7 +35,7 @@ COVERED = """canvas => { const {data} = canvas.getContext("2d").getImageData(0, 
 
 INK = """canvas => { const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
     let n = 0; for (let k = 3; k < data.length; k += 4) n += data[k] > 200; return n; }"""
-LARGE = "document.querySelector('dialog .track-box canvas')"
+LARGE_VIEW = "document.querySelector('dialog .track-box canvas')"
 
 
 def enlarged(page: Page) -> None:
@@ -43,14 +43,14 @@ def enlarged(page: Page) -> None:
     button.focus()
     page.keyboard.press("Enter")
     page.get_by_role("dialog", name="Track of").wait_for()
-    until(page, f"({INK})({LARGE}) > 100")
+    until(page, f"({INK})({LARGE_VIEW}) > 100")
 
 
 def shown_on_a_map(page: Page, story: Story) -> None:
     """Tiles cover the large track; each is asked for once, and the map can be taken away."""
     enlarged(page)
     until(page, "document.querySelector('dialog .attribution')?.innerText.includes('the survey')")
-    until(page, f"({COVERED})({LARGE}) > 0.9")
+    until(page, f"({COVERED})({LARGE_VIEW}) > 0.9")
 
     def tiles() -> list[str]:
         return [one for one in story.requests if "/tiles/" in one]
@@ -58,11 +58,11 @@ def shown_on_a_map(page: Page, story: Story) -> None:
     while len(tiles()) < 4:  # further out the picture is where tiles meet
         page.get_by_role("dialog").get_by_role("button", name="Zoom out", exact=True).click()
         drawn(page)
-    until(page, f"({COVERED})({LARGE}) > 0.9")
+    until(page, f"({COVERED})({LARGE_VIEW}) > 0.9")
     assert len(tiles()) < 200
     assert len(tiles()) == len(set(tiles())), "each is asked for once"
     page.get_by_role("dialog").get_by_role("button", name="Map", exact=True).click()
-    until(page, f"({COVERED})({LARGE}) === 0")
+    until(page, f"({COVERED})({LARGE_VIEW}) === 0")
 
 
 def test_the_track_is_large_with_a_map_where_there_is_one(open_page: Callable[..., Page]) -> None:

@@ -18,7 +18,7 @@ from tests.support.chromium import until
 from tests.support.server_process import ServerProcess
 from tests.support.waiting import block_until
 
-BURST, ENOUGH = 4, 50  # samples
+BURST, MIN_CHECKED = 4, 50  # samples
 COUNT = """device => { const c = window.imuscope?.store.channels.value.find(c => c.info.device === device
                        && c.info.name === "Acceleration");
                        return c ? c.ring.length : 0; }"""
@@ -71,7 +71,7 @@ def test_lost_links_and_servers_come_back_while_others_go_on(
 
         block_until(has_come, "samples of the port")
 
-    streams(ENOUGH)
+    streams(MIN_CHECKED)
     before = page.evaluate(LINKS)
     adapter.pull()
     until(page, f"{LINKS} > {before} && window.imuscope.store.devices.value[0].status === 'lost'")
@@ -81,7 +81,7 @@ def test_lost_links_and_servers_come_back_while_others_go_on(
         until(page, f"({COUNT})('3') > {other + 20}")
         assert rest or page.evaluate(COUNT, "1") == held
     adapter.plug()
-    streams(held + ENOUGH)
+    streams(held + MIN_CHECKED)
     until(page, f"{LINKS} > {before + 1}")  # the loss and the return are events
     adapter.pull()
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from tests.support.source_files import ROOT
 
 BEGIN, END = "<!-- time table: tests/check.py --profile -->", "<!-- end of the time table -->"
-LONGEST = 8  # files of tests that are named
+MAX_FILES = 8  # files of tests that are named
 PAGE = ROOT / "CONTRIBUTING.md"
 
 
@@ -110,7 +110,7 @@ def table(parts: Sequence[PartTime], profile: Profile, *, passed: float, memory:
         "",
         "| file | tests | set-up | call | tear-down | waiting | processor: pytest | begun by it | Chromium |",
         "|---|---|---|---|---|---|---|---|---|",
-        *(_row(name, one) for name, one in sorted(profile.files.items(), key=lambda i: -i[1].processor)[:LONGEST]),
+        *(_row(name, one) for name, one in sorted(profile.files.items(), key=lambda i: -i[1].processor)[:MAX_FILES]),
     ]
     return "\n".join(lines)
 

@@ -31,7 +31,7 @@ from tests.support.server_process import ServerProcess, begun
 from tests.support.timeouts import PATIENCE_S, http_client
 from tests.support.waiting import block_until
 
-ENOUGH = 60_000  # bytes, more than were lost: the recording used to end after 0.8 s
+MIN_SAMPLES = 60_000  # bytes, more than were lost: the recording used to end after 0.8 s
 
 
 def library(folder: Path) -> tuple[dict[str, bytes], bytes]:
@@ -65,7 +65,7 @@ def enough(url: str) -> int:
     with http_client(base_url=url) as http:
         state = http.get("/api/recorder").json()
     assert state["running"], state
-    return int(state["bytes"]) if state["bytes"] > ENOUGH else 0
+    return int(state["bytes"]) if state["bytes"] > MIN_SAMPLES else 0
 
 
 def reaches(url: str, goal: int) -> bool:
@@ -102,7 +102,7 @@ def test_recordings_survive_restarts_kills_and_other_servers_in_a_full_library(t
             block_until(lambda: enough(server.url), "a second is recorded")
             if end == "company":
                 with company(tmp_path, folder / "drive.mcap", beside):
-                    goal = enough(server.url) + ENOUGH
+                    goal = enough(server.url) + MIN_SAMPLES
                     block_until(partial(reaches, server.url, goal), "the first server goes on recording")
             block_until(partial(packs, left), "one is packed; those that servers made came before it")
             enough(server.url)
@@ -115,7 +115,7 @@ def test_recordings_survive_restarts_kills_and_other_servers_in_a_full_library(t
     for name, data in sent.items():
         result = chunks(folder / name)
         assert data.startswith(result), name
-        assert len(result) > ENOUGH // 2, name
+        assert len(result) > MIN_SAMPLES // 2, name
     for name, held in damaged.items():
         assert (folder / name).read_bytes() == held, name
     assert all(chunks(path) == whole for path in folder.glob("kept-*"))

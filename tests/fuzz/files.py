@@ -8,7 +8,7 @@ upload, a folder shared with others) or from a person (a snapshot, a schema, a b
 
     - no other exception, and an end within `PATIENCE_S`
     - no memory that the file's own size does not explain: lengths that lie are written on purpose, and all runs within
-      `ROOM` bytes of address space more than there were when it began
+      `MAX_BYTES` bytes of address space more than there were when it began
     - a recording that was cut off says so
 
 What breaks is made smaller and kept under findings/files/.
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from tests.fuzz.reading import Reading
 
 PATIENCE_S = 60  # no case takes a second on a quiet machine
-ROOM = 1 << 30  # bytes; a case holds some kB. What threads reserve at once is in it
+MAX_BYTES = 1 << 30  # bytes; a case holds some kB. What threads reserve at once is in it
 LOGS = Path(__file__).parents[1] / "golden" / "isb" / "logs"
 LOG = "LOG_SN60339_20261120_120000_0001"
 START = 1_760_000_000_000_000_000
@@ -400,7 +400,7 @@ def _resealed(data: bytearray, random: Random) -> bytearray:
 
 
 @contextlib.contextmanager
-def bounded(room: int = ROOM) -> Iterator[None]:
+def bounded(room: int = MAX_BYTES) -> Iterator[None]:
     """Limit the address space to this many bytes above current use; available on Linux only."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[0])

@@ -48,7 +48,7 @@ class Reading:
 
 def broken(path: Path, kind: str, cut: bool) -> list[str]:
     """What is wrong with the reading of a file: in one word, and in more; [] for nothing."""
-    bounded(memory_in_use() + files.ROOM, round(files.PATIENCE_S / 2))
+    bounded(memory_in_use() + files.MAX_BYTES, round(files.PATIENCE_S / 2))
     try:
         files.attempt(files.KINDS[kind], path, kind, cut=cut)
     except BrokenError as error:

@@ -136,10 +136,10 @@ def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: s
     """Regression: the chunk claimed 1 kB, but zstd used its own header, and lz4 had no limit."""
     from imuscope.recordings.mcap.reader import _unpack
 
-    whole = bytes(files.ROOM // 4)
+    whole = bytes(files.MAX_BYTES // 4)
     body = _squeezed(packing, whole)
     assert len(body) < len(whole) // 100
-    with files.bounded(files.ROOM // 8):
+    with files.bounded(files.MAX_BYTES // 8):
         if packing == "zstd":
             with pytest.raises(ValueError, match="another size"):
                 _unpack(packing, body, 1024)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 LITE, SAFETY, SECURE = 0, 1, 2
-FAR = 2**16
+FAR_NUMBERS = 2**16
 SUDDEN = 16
 
 TYPES = {
@@ -211,9 +211,9 @@ def _by_own(own: Track, number: int, mode: int) -> str:
     ahead = (number - own.last) % 2**32
     if mode == SECURE:
         return "new" if 0 < ahead < 2**31 else "stale"
-    if 0 < ahead <= FAR:
+    if 0 < ahead <= FAR_NUMBERS:
         return "new"
-    if own.candidate is not None and 0 < (number - own.candidate) % 2**32 <= FAR:
+    if own.candidate is not None and 0 < (number - own.candidate) % 2**32 <= FAR_NUMBERS:
         return "confirmed"
     if own.contradicted(number):
         return "returned"
@@ -246,7 +246,7 @@ def _take(tracks: dict[tuple[int, int], Track], frame: OracleIdtpFrame, verdict:
             back, accepted = True, len(track.run) - 1
         if mode == LITE and back and verdict != "overruled" and track.skipped(number) and track.before is not None:
             span = (track.last - track.before) % 2**32
-            if span <= FAR:
+            if span <= FAR_NUMBERS:
                 lost = (number - track.before) % 2**32 - 1 - accepted - (span - track.votes)
         track.take(number, back=back, confirmed=verdict == "confirmed")
     return lost

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 PREAMBLE = 0xFA
-LONGEST = 8185
+MAX_DATA_BYTES = 8185
 
 
 # -- frames ------------------------------------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def _candidate(data: bytes) -> OracleXbusFrame | str:
         if len(data) < 6:
             return "incomplete"
         length, body = data[4] * 256 + data[5], 6
-        if length > LONGEST:
+        if length > MAX_DATA_BYTES:
             return "bad_size"
     size = body + length + 1
     if len(data) < size:

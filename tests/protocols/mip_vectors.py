@@ -15,10 +15,10 @@ if str(PACKAGE) not in sys.path:
 from imuscope_mip.family import FAMILY  # noqa: E402 (its folder is on the path now)
 from imuscope_mip.json_codec import frame_from_json, frame_to_json  # noqa: E402
 from imuscope_mip.messages import DATA  # noqa: E402
-from imuscope_mip.packets import LONGEST, build  # noqa: E402
+from imuscope_mip.packets import MAX_PACKET, build  # noqa: E402
 from imuscope_mip.simulator import MipSimulator  # noqa: E402
 
-__all__ = ["DATA", "FAMILY", "LONGEST", "build", "everything", "packet_of", "plain"]
+__all__ = ["DATA", "FAMILY", "MAX_PACKET", "build", "everything", "packet_of", "plain"]
 
 plain, packet_of = frame_to_json, frame_from_json
 

@@ -244,7 +244,7 @@ SPEAKERS = {
     ),
     "mip": ProtocolCase(
         "mip",
-        mip_vectors.LONGEST + ubx.MAX_PAYLOAD_BYTES,
+        mip_vectors.MAX_PACKET + ubx.MAX_PAYLOAD_BYTES,
         b"\x75\x65",
         mip_vectors.plain,
         mip_vectors.packet_of,

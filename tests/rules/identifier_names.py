@@ -2,6 +2,7 @@
 
     tell, say, hear, look, ask …    senses and moods for input and output: report, send, receive, poll, request
     found, given, wanted, kept …    participles as nouns: the name of the thing itself
+    MOST, FEW, NEAR …               constants of one vague word: what they limit, and the unit
 
 A participle before a noun (`kept_tags`), after a predicate (`is_kept`, `last_seen`) or at the end of a sentence
 (`test_a_marker_is_kept`) is no noun.
@@ -16,14 +17,23 @@ _SENSES = """
     asking asked knock knocks knocking greet greets greeted hush anew whoever nobody somebody meanwhile
 """
 _PARTICIPLES = "found given wanted kept asked taken seen told said heard"
+_VAGUE = """
+    MOST MANY FEW FEWEST LITTLE ENOUGH USUAL NEAR FAR EACH ROOM SHARE GAP SURE CERTAIN RARE LONG LONGEST SHORTEST
+    LARGE LARGEST SMALL SMALLEST TINY DEEPEST WIDEST FASTEST SLOWEST
+"""
 _PREDICATES = "is are was were has had be been not last first when if test"
 SENSES, PARTICIPLES, PREDICATES = (frozenset(words.split()) for words in (_SENSES, _PARTICIPLES, _PREDICATES))
-SUSPECT = re.compile(f"(?<![a-zA-Z])(?:{'|'.join(sorted(SENSES | PARTICIPLES))})(?![a-zA-Z])", re.IGNORECASE)
+VAGUE = frozenset(_VAGUE.split())
+SUSPECT = re.compile(
+    f"(?<![a-zA-Z])(?:(?i:{'|'.join(sorted(SENSES | PARTICIPLES))})|{'|'.join(sorted(VAGUE))})(?![a-zA-Z])"
+)
 _CAPITAL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 
 def is_wrong(name: str) -> bool:
-    """Whether a name has a word of sense, or a participle as its noun."""
+    """Whether a name has a word of sense, has a participle as its noun, or is one vague word in capitals."""
+    if name.strip("_") in VAGUE:
+        return True
     words = [word.lower() for part in name.strip("_").split("_") for word in _CAPITAL.split(part) if word]
     if not words:
         return False

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Set
 from tests.rules.rooms import HOUSES
 from tests.support.source_files import ROOT, facts_of, python_files
 
-MOST = 20  # modules of other folders
+MAX_IMPORTERS = 20  # modules of other folders
 STILL_MANY = 10  # with fewer, a name leaves the list
 LISTED: Mapping[str, tuple[str, str]] = {
     "protocols/arrays.py": ("Array Bytes Floats Ints", "types of arrays"),
@@ -55,7 +55,7 @@ def test_a_widely_imported_name_stands_where_its_subject_is() -> None:
     wrong = [
         f"{name} of {file}: {len(files)} modules import it"
         for (file, name), files in results.items()
-        if len(files) > MOST and (file, name) not in listed
+        if len(files) > MAX_IMPORTERS and (file, name) not in listed
     ]
     assert not wrong, "\n".join([*wrong, "Move it to a file of that subject, and list it there."])
     gone = [f"{name} of {file}" for file, name in listed if len(results.get((file, name), ())) <= STILL_MANY]

@@ -8,7 +8,7 @@ from typing import Any
 from tests.support.timeouts import PATIENCE_S
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.002, 0.1
-SHARE = 0.2  # of the time that conditions may take: those that ask a server take the processor from it
+WAITING_SHARE = 0.2  # of the time that conditions may take: those that ask a server take the processor from it
 
 
 class _Pauses:
@@ -28,7 +28,7 @@ class _Pauses:
         """Seconds until it is asked again."""
         now = time.monotonic()
         pause = min(max(FIRST_PAUSE_S, (now - self._began) / 5), LONGEST_PAUSE_S)
-        return max(pause, min((now - self._polled) / SHARE, 10 * LONGEST_PAUSE_S))
+        return max(pause, min((now - self._polled) / WAITING_SHARE, 10 * LONGEST_PAUSE_S))
 
 
 async def until(condition: Callable[[], object], what: str) -> None:

@@ -32,7 +32,7 @@ from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.formats.matlab import NUMBERS
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.system.regular_file import open_regular
-from imuscope.recordings.tables.time_units import FACTORS, LONG, SPELLINGS
+from imuscope.recordings.tables.time_units import FACTORS, LONG_SPELLINGS, SPELLINGS
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 MATLAB = b"MATLAB 7.3 MAT-file"
@@ -42,11 +42,11 @@ MAX_DEPTH = 6
 MOST_SETS = 1000
 MOST_READS = 300_000  # of the structure: a damaged one can lead back to itself
 DEFLATE, SHUFFLE, CHECKSUM, LZF = 1, 2, 3, 32_000
-LITERAL, FAR = 32, 7  # of LZF: control bytes below are of literals; a length that goes on in the next byte
+LITERAL, FAR_LENGTH = 32, 7  # of LZF: control bytes below are of literals; a length that goes on in the next byte
 UNREAD = "in a form that is not read"
 NEWER = "in chunks as HDF5 1.10 keeps them; write it without libver"
 RESAVE = "Save its arrays as .npz, Parquet or CSV; in MATLAB with save(..., '-v7')."
-UNIT_NAMES = {**SPELLINGS, **LONG}
+UNIT_NAMES = {**SPELLINGS, **LONG_SPELLINGS}
 SINCE = re.compile(rf"({'|'.join(sorted(UNIT_NAMES))})\s+since\s+(.+)", re.I)
 
 
@@ -260,7 +260,7 @@ def _lzf(data: bytes, width: int, size: int) -> bytes:
             at += control + 1
             continue
         length, back = control >> 5, (control & 31) << 8
-        if length == FAR:
+        if length == FAR_LENGTH:
             length += data[at]
             at += 1
         begin = len(out) - back - data[at] - 1

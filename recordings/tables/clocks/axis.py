@@ -33,7 +33,7 @@ EPOCHS = {
     "day": "of a day that is not in the file",
     "start": "since the start of the device",
 }
-SURE = {
+CERTAINTY_TEXTS = {
     "stated": "",
     "known": "",
     "inferred": "; to change it: {flag}",
@@ -93,7 +93,7 @@ class TimeAxis:
         """The clock, its unit, why, and its date; then repeats and out-of-order rows."""
         clock = self.clock
         unit = f" in {clock.unit}" if clock.unit else ""
-        why = f" ({clock.why}{SURE[clock.sure].format(flag=unit_flag())})" if clock.why else ""
+        why = f" ({clock.why}{CERTAINTY_TEXTS[clock.sure].format(flag=unit_flag())})" if clock.why else ""
         rate = f", {rate_text(1 / self.usual_s)}" if self.usual_s else ""
         if clock.kind == "rows":
             texts = [f"The time axis counts the rows{rate} ({clock.why})."]

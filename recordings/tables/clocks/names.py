@@ -4,7 +4,7 @@ import functools
 import re
 
 from imuscope.recordings.tables.headings import ColumnHeading
-from imuscope.recordings.tables.time_units import LONG, SPELLINGS
+from imuscope.recordings.tables.time_units import LONG_SPELLINGS, SPELLINGS
 
 DAYS = ("datenum", "mjd", "jd", "julian_date", "serial_date")
 SERIAL_DAYS = {
@@ -96,7 +96,7 @@ def words_of(name: str) -> str:
 def named_unit(heading: ColumnHeading) -> str:
     """Unit that the heading of a time names, "" for none."""
     text = heading.unit.strip().lower()
-    if unit := SPELLINGS.get(text) or LONG.get(text, ""):
+    if unit := SPELLINGS.get(text) or LONG_SPELLINGS.get(text, ""):
         return unit
     words = [word for word in words_of(heading.name).split("_") if word in SPELLINGS]
     return SPELLINGS[words[-1]] if words else ""

@@ -40,7 +40,7 @@ from imuscope.server.extensions.calibration.report import (
 STANDARD_GRAVITY = 9.80665
 HOLD_S = 2.0  # besides the second that the hand needs to let go
 MARGIN_S = 0.3
-NEAR = np.cos(np.radians(30.0))
+MIN_COSINE = np.cos(np.radians(30.0))
 MAX_SCALE = 0.2  # more is not a scale error, but another unit or a broken axis
 MAX_PLACEMENT_DEG = 3.0
 
@@ -114,7 +114,7 @@ def _rests_on_sides(means: StepMeans, runs: Iterable[RestRun]) -> Iterator[RestO
 def _side_of(mean: Floats) -> int:
     """Number of the axis that points up; -1: none within 30°."""
     shares = AXIS_VECTORS @ mean / max(float(np.linalg.norm(mean)), 1e-9)
-    return int(shares.argmax()) if shares.max() >= NEAR else -1
+    return int(shares.argmax()) if shares.max() >= MIN_COSINE else -1
 
 
 def _advice(missing: list[str], now: int, seconds: list[float], is_still: bool) -> str:

@@ -9,7 +9,7 @@ The library is imported on first use, which takes some 0.3 s.
 import functools
 from typing import Any
 
-_MANY = ("ARRAY", "SEQUENCE")
+_SEQUENCE_KINDS = ("ARRAY", "SEQUENCE")
 
 
 class TypeSupportError(ValueError):
@@ -59,7 +59,9 @@ def fields_of(type_name: str) -> tuple[tuple[str, str, int | None], ...]:
     _check(type_name)
     fields = []
     for name, (kind, details) in _typestore().fielddefs[type_name][1]:
-        inner, count = (details[0], details[1] if kind.name == "ARRAY" else -1) if kind.name in _MANY else (None, None)
+        inner, count = (
+            (details[0], details[1] if kind.name == "ARRAY" else -1) if kind.name in _SEQUENCE_KINDS else (None, None)
+        )
         element = (kind, details) if inner is None else inner
         fields.append((str(name), str(element[1] if element[0].name == "NAME" else element[1][0]), count))
     return tuple(fields)

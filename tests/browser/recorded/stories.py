@@ -56,7 +56,7 @@ _NO_STORE = {
     "memory_mb": 1024,
     "questions": [],
 }
-USUAL: dict[str, Answer] = {
+USUAL_STORIES: dict[str, Answer] = {
     "GET /api/ports": [],
     "GET /api/extensions": [],
     "GET /api/query": _NO_STORE,
@@ -87,7 +87,7 @@ class Story:
         scenes = [recorded(name) for name in names]
         self.texts: list[Any] = scenes[0].get("read", scenes[0]["texts"])
         self.samples = [base64.b64decode(one) for one in scenes[0]["samples"]]
-        self.answers = dict(USUAL)
+        self.answers = dict(USUAL_STORIES)
         for scene in scenes:
             self.answers |= scene["answers"]
         self.answers |= answers or {}

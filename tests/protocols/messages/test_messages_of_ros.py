@@ -15,7 +15,7 @@ PACKAGES = ("sensor_msgs", "geometry_msgs", "nav_msgs", "std_msgs", "diagnostic_
 EMPTY = "std_msgs/msg/Empty"  # on the wire it has a byte that its definition does not have
 TYPES = [name for name in ros.STORE.fielddefs if name.split("/")[0] in PACKAGES and name != EMPTY]
 NUMBERS = {"bool", "byte", "char", "octet", *(f"{u}int{size}" for u in ("", "u") for size in (8, 16, 32, 64))}
-LONGEST = 16
+MAX_SHOWN = 16
 
 
 def value_of(definition: Any, random: Random, numbers: dict[str, float], path: str, shown: bool) -> Any:
@@ -37,7 +37,7 @@ def value_of(definition: Any, random: Random, numbers: dict[str, float], path: s
         if kind == Nodetype.ARRAY
         else (detail[0], random.choice((0, 1, 3, 20) if detail[0][0] == Nodetype.BASE else (0, 1, 3)))
     )
-    shown = shown and count <= LONGEST
+    shown = shown and count <= MAX_SHOWN
     values = [value_of(inner, random, numbers, f"{path}.{n}", shown) for n in range(count)]
     if inner[0] == Nodetype.BASE and inner[1][0] != "string":
         name = {"byte": "uint8", "char": "uint8", "octet": "uint8"}.get(inner[1][0], inner[1][0])

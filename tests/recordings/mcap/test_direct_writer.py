@@ -22,7 +22,7 @@ from tests.support.waiting import block_until
 
 OFFSET_NS = 1_700_000_000_000_000_000
 ABOUT = {"title": "drive", "version": "1"}
-FAR = 1 << 40
+FAR_NS = 1 << 40
 
 
 class Source:
@@ -63,7 +63,7 @@ def chunks(path: Path, device: str) -> list[tuple[int, bytes]]:
 
 
 def write_once(direct: DirectWriter, writer: McapWriter, shift_ns: int = 0) -> bool:
-    return direct.write(writer, shift_ns, 1000, 0, FAR)
+    return direct.write(writer, shift_ns, 1000, 0, FAR_NS)
 
 
 @given(data=st.data())
@@ -110,12 +110,12 @@ def test_a_shift_is_added_to_the_times(tmp_path: Path, each_kernel: None) -> Non
 def test_the_loop_ends_when_it_is_stopped_or_nothing_comes(tmp_path: Path, each_kernel: None) -> None:
     writer, direct, source = McapWriter(tmp_path / "drive.mcap", {}), DirectWriter(), Source()
     direct.add("1", source.follower)
-    assert not direct.write(writer, 0, 1000, 60_000_000_000, FAR), "nothing came"
+    assert not direct.write(writer, 0, 1000, 60_000_000_000, FAR_NS), "nothing came"
     assert direct.sleep()
     source.read(b"one")
     assert not direct.sleep()
     direct.stop_flag[0] = 1
-    assert direct.write(writer, 0, 1000, 60_000_000_000, FAR)
+    assert direct.write(writer, 0, 1000, 60_000_000_000, FAR_NS)
     direct.stop_flag[0] = 0
     source.read(b"two")
     assert direct.write(writer, 0, 1000, 60_000_000_000, 1), "as many bytes as were allowed"

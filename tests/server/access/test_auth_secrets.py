@@ -14,8 +14,8 @@ from websockets.exceptions import InvalidStatus
 from tests.support.server_process import ServerProcess
 from tests.support.timeouts import connecting, http_client
 
-VIEW, CONTROL, NEAR = "view-7Qx1-of-this-test", "control-9Zk4-of-this-test", "control-9Zk4-of-this-tesT"
-SECRETS = (VIEW, CONTROL, NEAR)  # also an almost correct one: a mistyped token reveals most of the right one
+VIEW, CONTROL, NEAR_TOKEN = "view-7Qx1-of-this-test", "control-9Zk4-of-this-test", "control-9Zk4-of-this-tesT"
+SECRETS = (VIEW, CONTROL, NEAR_TOKEN)  # also an almost correct one: a mistyped token reveals most of the right one
 
 
 PROXIED = {"x-forwarded-for": "203.0.113.5"}  # requests through a proxy need a token
@@ -56,7 +56,7 @@ def use(url: str) -> list[httpx.Response]:
     """Hit a server with tokens, rightly and wrongly, in every way there is."""
     answers = []
     with http_client(base_url=url, headers=PROXIED) as client:
-        for token in (VIEW, CONTROL, NEAR):
+        for token in (VIEW, CONTROL, NEAR_TOKEN):
             bearer = {"authorization": f"Bearer {token}"}
             answers += [
                 client.get("/", params={"token": token, "keep": "1"}),
@@ -73,7 +73,7 @@ def use(url: str) -> list[httpx.Response]:
                 client.get("/api/build", headers={"authorization": f"Basic {token}"}),
             ]
             client.cookies.clear()
-        answers += [client.get("/api/build", params={"token": NEAR}) for _ in range(12)]
+        answers += [client.get("/api/build", params={"token": NEAR_TOKEN}) for _ in range(12)]
     answers = [one for one in answers if not urlsplit(str(one.url)).path.endswith(SECRETS)]  # it names the request
     asyncio.run(_sockets(url.replace("http", "ws")))
     with (

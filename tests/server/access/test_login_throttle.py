@@ -19,7 +19,7 @@ from tests.support.asgi_client import Answer, send_request
 from tests.support.each_row import each_row
 from tests.support.manual_clock import ManualClock
 
-SHORT, LONG = "short-one", "a-token-that-cannot-be-guessed"
+SHORT, LONG_TOKEN = "short-one", "a-token-that-cannot-be-guessed"
 HOST = {"host": "192.0.2.1:8080"}
 Clock = ManualClock[float]
 
@@ -38,7 +38,7 @@ def clock() -> Clock:
 
 
 def access(clock: Clock) -> Access:
-    return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG), LoginThrottle(clock))
+    return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG_TOKEN), LoginThrottle(clock))
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_a_correct_token_fails_while_its_address_is_locked(rules: Access, clock:
 def test_a_long_token_passes_despite_failures_at_its_address(rules: Access) -> None:
     for n in range(100):
         tried(rules, f"guess-{n}")
-        assert tried(rules, LONG) == "control"
+        assert tried(rules, LONG_TOKEN) == "control"
     made = Access(Config(host="0.0.0.0"))
     for n in range(100):
         tried(made, f"guess-{n}")
@@ -127,7 +127,7 @@ def test_memory_is_constant(clock: Clock) -> None:
 
 
 def test_short_tokens_are_reported() -> None:
-    assert short_tokens(Config(view_token=SHORT, control_token=LONG)) == ["view_token"]
+    assert short_tokens(Config(view_token=SHORT, control_token=LONG_TOKEN)) == ["view_token"]
     assert short_tokens(Config()) == []
 
 
@@ -165,6 +165,6 @@ def test_every_login_route_counts_failures_and_gives_retry_after(way: str) -> No
     message = "Too many wrong tokens came from this address."
     assert locked.json() == {"kind": "too-many-tokens", "message": message, "hint": "Try again in 6 s."}
     assert send_request(guard, "GET", "/").status == 200
-    assert send_request(guard, "GET", "/api/devices", {"authorization": f"Bearer {LONG}"}).status == 200
+    assert send_request(guard, "GET", "/api/devices", {"authorization": f"Bearer {LONG_TOKEN}"}).status == 200
     clock.now = 6.0
     assert send_request(guard, "GET", f"/?token={SHORT}").status == 303

@@ -32,7 +32,7 @@ from imuscope.server.wire.codec import to_json_safe
 
 router = lazy_router(prefix="/api/comparison", tags=["analysis"])
 
-LARGE = re.compile(r"-?[1-9]\d{15,19}")
+LARGE_INTEGER = re.compile(r"-?[1-9]\d{15,19}")
 
 
 class ComparedSide(BaseModel):
@@ -164,7 +164,7 @@ def _wire_values(value: Any) -> Any:
         return {name: _wire_values(one) for name, one in value.items()}
     if isinstance(value, list):
         return [_wire_values(one) for one in value]
-    return int(value) if isinstance(value, str) and LARGE.fullmatch(value) else value
+    return int(value) if isinstance(value, str) and LARGE_INTEGER.fullmatch(value) else value
 
 
 async def _recorded(side: ComparedSide, letter: str, services: Services) -> _DeviceSettings:

@@ -28,7 +28,7 @@ from imuscope.server.extensions.fleet.store.fetch import NotInStoreError, fetch
 from imuscope.server.extensions.fleet.store.store import StoreError, StoreLocation, location
 from imuscope.server.extensions.fleet.store.tables import RECORDINGS, SAMPLES, SIGNAL, TABLES, UNIT, StoreTable
 
-LONG = (
+LONG_COLUMNS = (
     ("date", "date", "UTC date on which the recording starts"),
     ("time", "time", "time of the sample"),
     ("robot", "text", "name given to `upload`"),
@@ -57,7 +57,7 @@ def query_words(store: StoreLocation) -> dict[str, Any]:
         dataset = open_table(store, table.name)
         schema = pa.schema(dataset.schema().to_arrow()) if dataset is not None else table.schema
         if table is SAMPLES:
-            long = [{"name": name, "type": type_name, "doc": doc} for name, type_name, doc in LONG]
+            long = [{"name": name, "type": type_name, "doc": doc} for name, type_name, doc in LONG_COLUMNS]
             doc = "samples of all signals; samples('Acceleration.x') has those of one"
             tables.append({"name": "samples", "doc": doc, "columns": long})
             signals = [{"name": name, "unit": unit} for name, unit in map(_signal, schema) if name]

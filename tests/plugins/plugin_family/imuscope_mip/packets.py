@@ -17,7 +17,7 @@ from imuscope.plugin import BAD_CHECKSUM, BAD_SIZE, FRAME, TRUNCATED, Bytes, Int
 
 SYNC = b"\x75\x65"
 HEADER, SUM = 4, 2
-LONGEST = HEADER + 255 + SUM
+MAX_PACKET = HEADER + 255 + SUM
 Part = tuple[int, bytes]
 """Descriptor and data of one field."""
 
@@ -65,7 +65,7 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
             at = len(raw) - (not final and raw.endswith(SYNC[:1]) and at < len(raw))
             break
         at, left = result, len(raw) - result
-        size = HEADER + raw[at + 3] + SUM if left >= HEADER else LONGEST
+        size = HEADER + raw[at + 3] + SUM if left >= HEADER else MAX_PACKET
         if size > left:
             if not final:
                 break

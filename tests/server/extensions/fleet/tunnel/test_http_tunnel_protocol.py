@@ -36,7 +36,7 @@ from tests.support.free_ports import free_port
 from tests.support.waiting import until
 
 BOOT = "0123456789abcdef"
-LONG = b"".join(hashlib.sha256(bytes([i % 251, i // 251])).digest() for i in range(60_000))  # 1.9 MB
+LONG_BODY = b"".join(hashlib.sha256(bytes([i % 251, i // 251])).digest() for i in range(60_000))  # 1.9 MB
 
 
 @dataclass
@@ -63,7 +63,7 @@ class Application:
                 while True:
                     await send({"type": "http.response.body", "body": bytes(4096), "more_body": True})
                     self.sent += 4096
-            await send({"type": "http.response.body", "body": LONG if path == "/long" else b"short"})
+            await send({"type": "http.response.body", "body": LONG_BODY if path == "/long" else b"short"})
         finally:
             self.ended.append(path)
 
@@ -72,7 +72,7 @@ class Application:
         await send({"type": "websocket.accept", "subprotocol": "imuscope.v1"})
         while (message := await receive())["type"] == "websocket.receive":
             await send({"type": "websocket.send", "text": message["text"] * 3})
-            await send({"type": "websocket.send", "bytes": LONG})
+            await send({"type": "websocket.send", "bytes": LONG_BODY})
 
 
 @dataclass
@@ -148,7 +148,7 @@ async def test_a_long_answer_arrives_whole_beside_short_ones() -> None:
     async with line() as there:
         streams = [there.request("/api/long"), *(there.request("/api/short") for _ in range(10))]
         answers = await asyncio.gather(*map(body, streams))
-        assert answers[0] == LONG
+        assert answers[0] == LONG_BODY
         assert set(answers[1:]) == {b"short"}
         await until(lambda: there.robot.streams == 0, "nothing is left at the robot")
 
@@ -180,7 +180,7 @@ async def test_messages_of_a_socket_arrive_whole_and_in_order() -> None:
         assert head.subprotocol == "imuscope.v1"
         for text in ("é", "b" * 30_000):
             stream.send_text(text)
-            for expected, is_text in ((text.encode() * 3, True), (LONG, False)):
+            for expected, is_text in ((text.encode() * 3, True), (LONG_BODY, False)):
                 message = b""
                 while True:
                     part = await stream.next()
@@ -305,7 +305,7 @@ async def test_what_is_sent_keeps_to_the_limit_of_the_line() -> None:
     async with line(delay_of) as there:
         counted.clear()
         await body(there.request("/api/long"))
-        assert len(LONG) < sum(counted) < 1.1 * len(LONG)
+        assert len(LONG_BODY) < sum(counted) < 1.1 * len(LONG_BODY)
 
 
 async def test_a_window_shrinks_on_a_slow_line_and_grows_on_a_fast_one() -> None:
