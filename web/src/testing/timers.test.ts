@@ -1,9 +1,10 @@
-import { expect, it } from "vitest";
-import { endTimers, watchTimers } from "./timers";
+import { expect, it, vi } from "vitest";
 
 const passes = (milliseconds: number) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
-it("ends what a file of tests left running", async () => {
+it("ends what a file of tests left running, also after its module was evaluated again", async () => {
+  vi.resetModules();
+  const { endTimers, watchTimers } = await import("./timers");
   let ticks = 0;
   const tick = () => (ticks += 1);
   setInterval(tick, 1);

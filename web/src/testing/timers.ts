@@ -3,7 +3,9 @@
 type Timer = ReturnType<typeof setTimeout>;
 type Start = (...of: unknown[]) => Timer;
 
-const running = new Set<Timer>();
+/** One for all files, also after a test that has modules evaluated again. */
+const running: Set<Timer> = Reflect.get(globalThis, "timersOfTests") ?? new Set<Timer>();
+Reflect.set(globalThis, "timersOfTests", running);
 
 /** Remember each timer from now on, once for all files. */
 export function watchTimers(): void {
