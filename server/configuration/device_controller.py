@@ -233,6 +233,7 @@ class DeviceController:
             self.read_at = 0.0
             self.put_back.forget()
             self.rest(False)
+            self.member.expect_samples()
             self.notify()
 
     def invalidate(self, names: Collection[str], why: str) -> None:

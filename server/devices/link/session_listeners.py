@@ -44,6 +44,7 @@ class SessionListeners:
 
     def listen_to_news(self, callback: Callable[[Batch | Reply], None], sender: str = "") -> Callable[[], None]:
         """Call `callback` with every reply of one device, and with its first samples after each; else as `listen`."""
+        self.expect_samples(sender)  # it may be added after the first ones
         return self._news.setdefault(sender, CallbackList()).add(callback)
 
     def expect_samples(self, sender: str = "") -> None:

@@ -17,7 +17,7 @@ from imuscope.server.configuration.device_controller import MAX_WAITING, Control
 from imuscope.server.configuration.transaction_runner import Runner
 from imuscope.server.links.base import LinkError
 from imuscope.server.wire import TrafficEntry
-from tests.support.control_harness import house_of, outputs, over
+from tests.support.control_harness import bench, house, house_of, outputs, over
 from tests.support.waiting import until
 
 GO_TO_MEASUREMENT = "faff1000f1"
@@ -153,6 +153,12 @@ async def test_the_exchange_is_logged_in_both_directions(tmp_path: Path) -> None
         assert [one.seq for one in entries] == sorted(one.seq for one in entries)
         messages = [event for event in here.telemetry.log if event.kind == "command"]
         assert "SetLocationID" in [event.data["message"] for event in messages]
+
+
+async def test_a_device_that_only_sends_samples_is_measuring(tmp_path: Path) -> None:
+    async with bench(measuring=True) as there, house(tmp_path) as here:
+        desk = await here.add(f"serial://{there.slave}?baud=115200")
+        await until(lambda: desk.state == "Measurement", "its state is known without a reply")
 
 
 async def test_a_stubborn_device_is_not_reset_by_a_read(tmp_path: Path) -> None:

@@ -88,7 +88,9 @@ class Port:
                 self._handle.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
                 self._handle.setblocking(False)
                 self.fd = self._handle.fileno()
-        except (OSError, ValueError, termios.error) as error:
+        except termios.error as error:  # it has no errno: its number comes first
+            raise PortError(os.strerror(error.args[0]), error.args[0]) from None
+        except (OSError, ValueError) as error:
             raise PortError(str(error), getattr(error, "errno", None) or 0) from None
 
     def _open_serial(self) -> Any:

@@ -29,5 +29,9 @@ def test_news_of_a_device_are_its_replies_and_the_first_samples_after_each() -> 
     listeners.publish([expected, samples()], own="")
     assert news[3:] == [expected]
     off()
+    late = list[Event]()
+    listeners.listen_to_news(late.append)
+    listeners.publish([first, second], own="")
+    assert late == [first], "a device of the line is configured after its first samples"
     listeners.publish([reply()], own="")
     assert len(news) == 4

@@ -1,9 +1,11 @@
 """Parts of the holder of a shared port: addresses, queues of slow clients, the voice, messages, sizes of frames."""
 
+import errno
 import math
 import socket
 import subprocess
 import sys
+import termios
 from importlib import import_module
 from typing import Any
 
@@ -375,3 +377,15 @@ def test_a_holder_does_not_even_open_a_device_that_is_no_terminal(place: str, mo
     monkeypatch.setattr("serial.Serial", None)
     with pytest.raises(PortError):
         Port({"kind": "serial", "place": place}).open()
+
+
+def test_a_port_pulled_while_it_is_opened_is_refused_with_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What pyserial passes on had its number in its text only, and the page said nothing of the cause."""
+
+    def pulled(*_: object, **__: object) -> None:
+        raise termios.error(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("serial.Serial", pulled)
+    with pytest.raises(PortError, match=r"^Input/output error$") as caught:
+        Port({"kind": "serial", "place": "/dev/nothing"}).open()
+    assert caught.value.number == errno.EIO
