@@ -14,6 +14,7 @@ from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.signals import Signal
+from imuscope.server.extensions.analysis.signals.units import rounded
 
 GAP_STEPS = 1.5  # a step longer than this many usual ones …
 GAP_SIGMAS = 6.0  # … and by this many standard deviations of the usual ones: jitter makes no gaps
@@ -53,7 +54,7 @@ class Sampling:
             remarks.append(f"{counted(self.clock_steps, 'step')} of the clock: nothing is computed across one.")
         if self.gaps:
             remarks.append(
-                f"{counted(self.gaps, 'gap')}, {self.missing:.3g} s in sum: nothing is computed across a gap."
+                f"{counted(self.gaps, 'gap')}, {rounded(self.missing)} s in sum: nothing is computed across a gap."
             )
         if self.jitter > MAX_JITTER_STEPS / self.rate:
             percent = 100 * self.jitter * self.rate
