@@ -268,9 +268,12 @@ def _kind(field: Field, array: Array, message: Message) -> Kind:
         return "matrix"
     if shape == (3,) and _joined(field.axes) == "rollpitchyaw":
         return "euler"
-    if shape == (4,) and ("Quaternion" in field.name or (_joined(field.axes) == "wxyz" and " from " in field.frame)):
-        return "quaternion"
-    return "vector"
+    return "quaternion" if shape == (4,) and is_quaternion(field) else "vector"
+
+
+def is_quaternion(field: Field) -> bool:
+    """Whether four elements of this name, axes and frame are a rotation."""
+    return "Quaternion" in field.name or (_joined(field.axes) == "wxyz" and " from " in field.frame)
 
 
 def _joined(axes: Sequence[str]) -> str:

@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
+from imuscope.recordings.columns.breaks import gaps_in
 
 MAX_TICKS = 2**32 - 1
 LEAST_TICK_S = 1e-7  # the resolution of a unix time as a 64-bit float
-GAP_FACTOR = 2.5  # as on the page (web/src/data/line-breaks.ts)
-BURST_S = 0.05  # and for samples that arrive in bursts
 VISIBLE_SHARE = 1e-4  # of the values' range: a rounding error below this cannot be seen
 FLOAT32_ROUNDING = 2.0**-24  # relative rounding error of a 32-bit float
 
@@ -51,17 +50,6 @@ class Blocks:
             self.texts.append(base64.b64encode(data).decode())
             self.size += len(self.texts[-1])
         return self._known[mark]
-
-
-def gaps_in(time: Floats) -> NDArray[np.int64]:
-    """Rows before which samples are missing."""
-    steps = np.diff(time)
-    if len(steps) < 3:
-        return np.empty(0, np.int64)
-    usual, mean = float(np.median(steps)), float(steps.mean())
-    bursts = usual < mean / 4
-    longest = GAP_FACTOR * mean + BURST_S if bursts else GAP_FACTOR * usual
-    return np.flatnonzero(steps > longest) + 1
 
 
 def _packed(values: Floats) -> NDArray[Any]:

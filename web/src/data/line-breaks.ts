@@ -1,25 +1,34 @@
 /**
  * Rows of a ring at which a line through the samples is broken. Before a row of `breaks`: samples were dropped on the way, the
- * spacing is more than 2.5 × the usual, or more than 1.5 × if the device's counter reports a missing one (`losses`), or the
- * device's clock was reset or jumped in between (`cuts`: neighbours on screen then need not be neighbours in time). And at a row of
- * `wraps[column]`, where a wrapping quantity jumps over its edge.
+ * spacing is longer than usual by the rule of recordings/columns/breaks.py, or more than 1.5 × the usual if the device's counter
+ * reports a missing one (`losses`), or the device's clock was reset or jumped in between (`cuts`: neighbours on screen then need not
+ * be neighbours in time). And at a row of `wraps[column]`, where a wrapping quantity jumps over its edge.
  *
- * The usual spacing is the median of the last rows, so it follows a change of the device's rate. Without a device clock only
- * arrival times are known; they come in bursts, whose median spacing is zero, so the mean is used there, with some tolerance.
+ * The usual spacing is that of the last rows, so it follows a change of the device's rate; when it has changed, these rows are
+ * judged again. Without a device clock only arrival times are known; they come in bursts, so the mean is used there.
  */
 import type { ColumnValues } from "./minmax-pyramid";
 
-/** A line is broken where two samples lie further apart than this many usual spacings (design, "Plots"). */
-const BREAK_FACTOR = 2.5;
-/** Added for channels on arrival time only: a USB adapter delivers every 16 ms, a busy host sometimes skips one. */
+/** One lost sample leaves twice the usual spacing, and jitter leaves no gap. */
+export const GAP_STEPS = 1.5;
+const GAP_SIGMAS = 6;
+/** The usual step is that of this share of the steps: a device that skips every third slot has no gaps. */
+const USUAL_SHARE = 0.7;
+/** For channels on arrival time only: a USB adapter delivers every 16 ms, a busy host sometimes skips one. */
+const BURST_STEPS = 2.5;
 const BURST_S = 0.05;
-/** Number of spacings used for the usual one. */
-const STEPS_SEEN = 63;
+/** Ratio of the mean to the median step from which samples arrive in bursts. */
+const BURST_RATIO = 16;
+/** Ratio of the longest usual step to the former one from which the device has become slower. */
+const SLOWER = 1.2;
+/** Number of spacings used for the usual one, and the fewest. */
+const USUAL_STEPS = 63;
+const MIN_STEPS = 3;
+/** Steps counted by one usual spacing, as in recordings/columns/breaks.py. */
+const COUNTED_ROWS = 1024;
 /** Rows judged by one usual spacing: the rate may change within a long block of history. */
 const BLOCK_SAMPLES = 256;
 
-/** One lost sample leaves twice the usual spacing, which could be jitter: it is a gap only if a sample is known to be missing. */
-const MISSING_FACTOR = 1.5;
 /** Losses kept, as many as the server keeps of a device; the oldest are dropped first. */
 const LOSSES_KEPT = 8000;
 /** Clock steps kept; the oldest are dropped first. */
@@ -35,6 +44,32 @@ export function lowerBound(list: ArrayLike<number>, x: number): number {
     else b = m;
   }
   return a;
+}
+
+/** The usual one of these steps, and the longest one that is no gap. Sorts them. `inBursts`: of arrival times. */
+function judged(steps: Float64Array, inBursts = false): { readonly usual: number; readonly longest: number } {
+  steps.sort();
+  const n = steps.length;
+  const median = steps[n >> 1]!;
+  const sum = steps.reduce((whole, step) => whole + step, 0);
+  const mean = sum / n;
+  if (inBursts || median <= (sum - steps[n - 1]!) / n / BURST_RATIO)
+    return { usual: mean, longest: BURST_STEPS * mean + BURST_S };
+  const spread = 1.4826 * steps.map((step) => Math.abs(step - median)).sort()[n >> 1]!;
+  const usual = steps[Math.floor(USUAL_SHARE * (n - 1))]!;
+  return { usual: median, longest: GAP_STEPS * usual + GAP_SIGMAS * spread };
+}
+
+/** Number of steps that are gaps, as recordings/columns/breaks.py counts them. */
+export function gapsIn(steps: Float64Array): number {
+  if (steps.length < MIN_STEPS) return 0;
+  const count = Math.min(USUAL_STEPS, steps.length);
+  const ends = Array.from({ length: Math.ceil(steps.length / COUNTED_ROWS) }, (_, k) =>
+    Math.min((k + 1) * COUNTED_ROWS, steps.length),
+  );
+  const longest = ends.map((end) => judged(steps.slice(end - count, end)).longest);
+  const allowed = longest.map((own, k) => Math.max(own, longest[k - 1] ?? 0, longest[k + 1] ?? 0));
+  return steps.reduce((gaps, step, k) => gaps + Number(step > allowed[Math.floor(k / COUNTED_ROWS)]!), 0);
 }
 
 /** Access to the rows of a ring. */
@@ -60,6 +95,7 @@ export class Gaps {
   readonly #lostFrom: number[] = [];
   readonly #lostTo: number[] = [];
   #stepAt = 0;
+  #usualLongest = NaN;
 
   /** @param periods where each column wraps; 0: never */
   constructor(periods: readonly number[]) {
@@ -70,7 +106,9 @@ export class Gaps {
   /** Check rows from ≤ row < to, which were written, and the row after them. */
   judge(rows: Rows, from: number, to: number): void {
     const end = Math.min(rows.end, to + 1);
-    for (let a = from; a < end; a += BLOCK_SAMPLES) this.#stretch(rows, a, Math.min(a + BLOCK_SAMPLES, end));
+    let before = from >= this.#stepAt ? this.#usualLongest : NaN;
+    for (let a = from; a < end; a += BLOCK_SAMPLES)
+      before = this.#stretch(rows, a, Math.min(a + BLOCK_SAMPLES, end), before);
   }
 
   /** Break the line before `row`. */
@@ -108,16 +146,18 @@ export class Gaps {
   clear(): void {
     for (const list of [this.breaks, ...this.wraps]) if (list !== undefined) list.length = 0;
     this.#cuts.length = 0;
-    this.step = NaN;
+    this.step = this.#usualLongest = NaN;
     this.#stepAt = 0;
   }
 
-  #stretch(rows: Rows, from: number, to: number): void {
+  /** Judge a block after one with steps of up to `before`, s (NaN: unknown), and return the longest usual step of this one. */
+  #stretch(rows: Rows, from: number, to: number, before: number): number {
     const { times, mask } = rows;
-    const step = this.#usual(rows, to);
-    const usual = BREAK_FACTOR * step + (rows.clocked ? 0 : BURST_S);
+    const { usual: step, longest: own } = this.#usual(rows, to);
+    const isSlower = own > SLOWER * before; // the first rows at the new rate were judged by the former one
+    const usual = before > own ? before : own;
     const longest = this.longest === this.longest ? this.longest : usual;
-    mark(this.breaks, rows, from, to, (row) => {
+    mark(this.breaks, rows, isSlower ? Math.max(rows.first, from - USUAL_STEPS) : from, to, (row) => {
       const [before, time] = [times[(row - 1) & mask]!, times[row & mask]!];
       return time - before > longest || this.#isCut(before, time) || this.#isLost(before, time, step, rows);
     });
@@ -127,6 +167,7 @@ export class Gaps {
       const half = this.#periods[c]! / 2;
       mark(wraps, rows, from, to, (row) => Math.abs(values[row & mask]! - values[(row - 1) & mask]!) > half);
     });
+    return own;
   }
 
   /** Whether there is a cut after `before`, up to `time`. */
@@ -138,7 +179,7 @@ export class Gaps {
 
   /** Whether this spacing is that of a sample known to be missing; undecidable for rows that bound intervals. */
   #isLost(before: number, time: number, step: number, { clocked }: Rows): boolean {
-    if (!clocked || this.longest === this.longest || !(time - before > MISSING_FACTOR * step)) return false;
+    if (!clocked || this.longest === this.longest || !(time - before > GAP_STEPS * step)) return false;
     const at = lowerBound(this.#lostFrom, time) - 1;
     return at >= 0 && this.#lostTo[at]! > before;
   }
@@ -154,17 +195,19 @@ export class Gaps {
   }
 
   /** Usual spacing of the rows before `to`. */
-  #usual({ first, mask, times, clocked }: Rows, to: number): number {
-    if (to >= this.#stepAt && to - this.#stepAt < STEPS_SEEN / 2 && this.step === this.step) return this.step;
-    const a = Math.max(first, to - 1 - STEPS_SEEN);
+  #usual({ first, mask, times, clocked }: Rows, to: number): { readonly usual: number; readonly longest: number } {
+    const last = { usual: this.step, longest: this.#usualLongest };
+    if (to >= this.#stepAt && to - this.#stepAt < USUAL_STEPS / 2 && this.step === this.step) return last;
+    const a = Math.max(first, to - 1 - USUAL_STEPS);
     const n = to - 1 - a;
-    if (n < 3) return this.step;
+    if (n < MIN_STEPS) return last;
     const steps = new Float64Array(n);
     for (let k = 0; k < n; k++) steps[k] = times[(a + k + 1) & mask]! - times[(a + k) & mask]!;
-    const step = clocked ? steps.sort()[n >> 1]! : (times[(to - 1) & mask]! - times[a & mask]!) / n;
+    const own = judged(steps, !clocked);
     // a block of history is judged by its own spacing; the newest rows define the usual one now
-    if (to >= this.#stepAt || this.step !== this.step) [this.step, this.#stepAt] = [step, to];
-    return step;
+    if (to >= this.#stepAt || this.step !== this.step)
+      [this.step, this.#usualLongest, this.#stepAt] = [own.usual, own.longest, to];
+    return own;
   }
 }
 

@@ -8,16 +8,15 @@
  * row, and of all). Rings draw them like dense samples; `range_query.py` is the other end.
  */
 import type { Channel } from "../data/channels";
+import { GAP_STEPS } from "../data/line-breaks";
 import { Store } from "../data/store";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, Dtype, EventInfo } from "../wire/types";
 import type { Stretch } from "./time-range";
 import type { RecordingDetail } from "../wire/recording-types";
 
-/** A spacing of more usual spacings than this is a gap, among unsummarised samples (design, "Plots"). */
+/** Added to the spacing of summarised rows, in usual spacings. */
 const BREAK_FACTOR = 2.5;
-/** Where a sample is known to be missing, this many usual spacings are a gap. */
-const MISSING_FACTOR = 1.5;
 
 /** Whether these rows bound intervals. Samples never share their times in pairs; tables and attitudes are not summarised. */
 export function isBounds(frame: SampleFrame, kind: ChannelInfo["kind"]): boolean {
@@ -104,7 +103,7 @@ export class ReplayStore extends Store {
       if (loss.t1 < t0 || loss.t0 > t1) continue;
       const middle = (loss.t0 + loss.t1) / 2;
       const i = ring.row(middle, "device") - ring.first;
-      if (i > 0 && i < ring.length && ring.time(i) - ring.time(i - 1) > MISSING_FACTOR * usual) ring.cut(middle);
+      if (i > 0 && i < ring.length && ring.time(i) - ring.time(i - 1) > GAP_STEPS * usual) ring.cut(middle);
     }
   }
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import euler_columns
+from imuscope.recordings.columns.breaks import GAP_STEPS
 from imuscope.server.extensions.analysis.expressions.expression_syntax import Call, ExpressionError, Node
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, at_times, in_runs, on_one_axis
 from imuscope.server.extensions.analysis.signals.signals import ANGLES, grouped
@@ -350,7 +351,7 @@ def _rate(x: Quantity) -> float:
     usual = float(np.median(steps)) if len(steps) else 0.0
     if usual <= 0:
         return 1.0
-    within = steps[steps <= 1.5 * usual]
+    within = steps[steps <= GAP_STEPS * usual]
     return 1 / float(within.mean())
 
 
@@ -365,7 +366,7 @@ def _resample(arguments: list[Quantity], node: Call, context: Context) -> Quanti
     axis = x.time[0] + np.arange(count) / rate
     steps = np.diff(x.time, append=x.time[-1])
     before = np.searchsorted(x.time, axis, "right") - 1
-    in_gap = (steps[before] > 1.5 / _rate(x)) & (x.time[before] < axis)
+    in_gap = (steps[before] > GAP_STEPS / _rate(x)) & (x.time[before] < axis)
     moved = at_times(x, np.minimum(axis, x.time[-1]))
     return replace(moved, time=axis, parts=tuple(np.where(in_gap, np.nan, part) for part in moved.parts))
 

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.recordings.columns.breaks import GAP_STEPS
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, at_times
 
-GAP_STEPS = 1.5  # usual steps; a longer one ends a run (quantities.py)
 WAIT_S = 2.0  # a signal that lags behind the others by more counts as interrupted
 MAX_IN_GAP = 1000  # undefined samples of a gap
 HELD_S = 30.0  # samples are kept as long for another signal, which may be interrupted, too

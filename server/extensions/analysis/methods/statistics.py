@@ -12,8 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.recordings.columns.breaks import gaps_in
 from imuscope.recordings.columns.statistics import statistics_of
-from imuscope.server.extensions.analysis.noise.registry import Analysis, AnalysisOption, Result, register_analysis
+from imuscope.server.extensions.analysis.noise.registry import Analysis, Result, register_analysis
 from imuscope.server.extensions.analysis.signals.signals import Signal
 
 NAN = float("nan")
@@ -23,8 +24,6 @@ def run(signal: Signal, options: Mapping[str, float]) -> Result:
     """The figures of one signal; see the module docstring."""
     time, values = signal.time, signal.values
     plain = statistics_of(lambda: iter((values,)), signal.period)
-    steps = np.diff(time)
-    usual = float(np.median(steps)) if len(steps) else NAN
     runs = [slice(*edges) for edges in itertools.pairwise([0, *signal.begins.tolist(), len(time)])]
     duration = float(sum(time[run][-1] - time[run][0] for run in runs))
     longest = max(runs, key=lambda run: run.stop - run.start)
@@ -42,7 +41,7 @@ def run(signal: Signal, options: Mapping[str, float]) -> Result:
         "integral": NAN if signal.period else float(sum(np.trapezoid(values[run], time[run]) for run in runs)),
         "duration": duration,
         "rate": (plain.n - len(runs)) / duration if duration > 0 else NAN,
-        "gaps": int(np.count_nonzero(np.delete(steps, signal.begins - 1) > options["gap"] * usual)) if usual > 0 else 0,
+        "gaps": len(np.setdiff1d(gaps_in(time), signal.begins)),
         **({"notes": [_segments_note(len(runs))]} if len(runs) > 1 else {}),
     }
 
@@ -83,7 +82,6 @@ register_analysis(
             "duration": "s",
             "rate": "Hz",
         },
-        (AnalysisOption("gap", 1.5, 1.0, 1000.0, doc="A step longer than this many usual ones is a gap."),),
         order=0,
     )
 )

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
+from imuscope.recordings.columns.breaks import gaps_in
 from imuscope.server.extensions.analysis.signals.signals import Signal
 
 Pairing = Literal["interpolated", "nearest"]
-GAP_STEPS = 2.5  # a step longer than this many usual ones is a gap, as in the plots
 SAMPLES_PER_INTERVAL = 6  # samples of an interval: first, last, and the extremes of x and y
 FLOAT32_DIGITS = 7  # significant ones of the greatest value, as many as a 32-bit float has
 
@@ -47,14 +47,14 @@ def paired(x: Signal, y: Signal, how: Pairing) -> Pairs:
         how: values of the other one, where it has no sample of that time.
     """
     if len(x.time) == len(y.time) and np.array_equal(x.time, y.time):
-        starts = _starts(x.time, x.time) | _wrapped(x.values, x.period) | _wrapped(y.values, y.period)
+        starts = _starts(np.arange(len(x.time)), x.time) | _wrapped(x.values, x.period) | _wrapped(y.values, y.period)
         return Pairs(x.time, x.values, y.values, starts, "")
     leads_x = len(x.time) >= len(y.time)
     leader, follower = (x, y) if leads_x else (y, x)
     values = _at(follower, leader.time, how)
-    there = np.isfinite(values)
-    time, own, other = leader.time[there], leader.values[there], values[there]
-    starts = _starts(time, leader.time) | _wrapped(own, leader.period) | _wrapped(other, follower.period)
+    rows = np.flatnonzero(np.isfinite(values))
+    time, own, other = leader.time[rows], leader.values[rows], values[rows]
+    starts = _starts(rows, leader.time) | _wrapped(own, leader.period) | _wrapped(other, follower.period)
     return Pairs(time, own if leads_x else other, other if leads_x else own, starts, leader.name)
 
 
@@ -106,7 +106,7 @@ def _at(signal: Signal, time: Floats, how: Pairing) -> Floats:
         if signal.period:
             values = _around(values, signal.period, signal.values)
     beyond = np.maximum(own[0] - time, time - own[-1]) > (usual / 2 if how == "nearest" else 0)
-    bridged = (steps > GAP_STEPS * usual) & (share > 0) & (share < 1)
+    bridged = np.isin(after, gaps_in(own)) & (share > 0) & (share < 1)
     return np.where(beyond | bridged, np.nan, values)
 
 
@@ -116,13 +116,10 @@ def _around(values: Floats, period: float, own: Floats) -> Floats:
     return (values - low) % period + low
 
 
-def _starts(time: Floats, all_times: Floats) -> NDArray[np.bool_]:
-    """The first one, and those after a gap."""
-    if not len(time):
-        return np.zeros(0, np.bool_)
-    steps = np.diff(all_times)
-    longest = GAP_STEPS * float(np.median(steps)) if len(steps) else 0.0
-    return np.concatenate([[True], np.diff(time) > longest])
+def _starts(rows: NDArray[np.int64], time: Floats) -> NDArray[np.bool_]:
+    """Of rows of the leader the first one, and those after a gap or after rows without a pair."""
+    starts: NDArray[np.bool_] = (np.diff(rows, prepend=-2) > 1) | np.isin(rows, gaps_in(time))
+    return starts
 
 
 def _wrapped(values: Floats, period: float) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.recordings.columns.breaks import GAP_STEPS
 from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 
 
@@ -111,7 +112,7 @@ def _interpolated(quantity: Quantity, values: Floats, axis: Floats) -> Floats:
     return result
 
 
-def in_runs(quantity: Quantity, work: Callable[[Floats, Floats], Floats], gap: float = 1.5) -> Quantity:
+def in_runs(quantity: Quantity, work: Callable[[Floats, Floats], Floats], gap: float = GAP_STEPS) -> Quantity:
     """Each part computed run by run: stretches of finite values without a gap; NaN elsewhere.
 
     Args:

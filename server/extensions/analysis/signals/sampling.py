@@ -12,12 +12,11 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
+from imuscope.recordings.columns.breaks import gaps_in
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.signals import Signal
 from imuscope.server.extensions.analysis.signals.units import rounded
 
-GAP_STEPS = 1.5  # a step longer than this many usual ones …
-GAP_SIGMAS = 6.0  # … and by this many standard deviations of the usual ones: jitter makes no gaps
 MAX_JITTER_STEPS = 0.1  # of a step: larger jitter is noted
 MAX_MEDIAN_STEPS, MEDIAN_STRETCHES = 1 << 18, 64  # steps for a median, from so many stretches
 
@@ -76,15 +75,11 @@ def sampling_of(signal: Signal, least: int) -> Sampling:
         hint = f"Request a longer range; at least {least} samples are needed."
         raise DomainError("no-result", f"{signal.name} has only {counted(n, 'sample')} in that range.", hint)
     steps = np.diff(signal.time)
-    some = _stretches(steps)
-    usual = float(np.median(some))
-    if not usual > 0:
+    if not np.median(_stretches(steps)) > 0:
         hint = "Use the time of the device instead of arrival."
         raise DomainError("no-result", f"Most samples of {signal.name} share the time of another one.", hint)
-    scatter = 1.4826 * float(np.median(np.abs(some - usual)))
     begins = signal.begins
-    at = np.flatnonzero(steps > GAP_STEPS * usual + GAP_SIGMAS * scatter) + 1
-    at = at[~np.isin(at, begins)] if len(begins) else at
+    at = np.setdiff1d(gaps_in(signal.time), begins, assume_unique=True)
     edges = sorted({0, *at.tolist(), *begins.tolist(), n})
     within = np.delete(steps, np.concatenate((at, begins)) - 1) if len(edges) > 2 else steps
     mean = float(within.mean())

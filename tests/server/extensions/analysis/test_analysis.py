@@ -85,15 +85,14 @@ def test_an_angle_that_wraps_has_a_circular_mean_and_an_unwrapped_slope() -> Non
     assert math.isnan(round_and_round["max"])
 
 
-def test_gaps_are_steps_longer_than_the_option_states() -> None:
+def test_gaps_are_those_that_end_a_run() -> None:
     time = np.delete(np.arange(100) * 0.01, [20, 50, 51, 52])
     assert figures(np.zeros(96), time)["gaps"] == 2
-    assert figures(np.zeros(96), time, gap=3.0)["gaps"] == 1
     assert figures(np.zeros(96), time)["rate"] == pytest.approx(95 / 0.99)
 
 
 def test_one_sample_has_no_slope_and_no_rate() -> None:
-    result, units = figures_of(analysis_named("statistics"), signal([4.0]), {"gap": 1.5})
+    result, units = figures_of(analysis_named("statistics"), signal([4.0]), {})
     assert (result["n"], result["mean"], result["sigma"]) == (1, 4.0, 0.0)
     assert (result["slope"], result["rate"], result["duration"]) == (None, None, 0.0)
     assert units == {
@@ -215,9 +214,8 @@ def test_a_range_and_several_signals(running: InProcessServer) -> None:
 
 
 def test_the_analyses_are_listed_with_their_options(running: InProcessServer) -> None:
-    [result] = [one for one in running.client.get(URL).json() if one["name"] == "statistics"]
-    assert result["options"][0]["name"] == "gap"
-    assert result["options"][0]["default"] == 1.5
+    [result] = [one for one in running.client.get(URL).json() if one["name"] == "histogram"]
+    assert result["options"][0]["name"] == "bins"
 
 
 @each_row(

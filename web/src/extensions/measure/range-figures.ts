@@ -3,6 +3,7 @@
  * server/extensions/analysis/methods/statistics.py, so that both give the same numbers: samples with t0 ≤ t ≤ t1; an angle that wraps has a
  * circular mean and σ, is unwrapped for slope and peak to peak, and has no integral.
  */
+import { gapsIn } from "../../data/line-breaks";
 import type { Ring } from "../../data/ring-buffer";
 import { statsOf } from "../../data/statistics";
 import type { TimeBase } from "../../data/view";
@@ -19,7 +20,7 @@ export interface RangeFigures {
   readonly slope: number;
   /** By the trapezoidal rule. */
   readonly integral: number;
-  /** Steps longer than GAP_STEPS usual ones. */
+  /** Places where samples are missing. */
   readonly gaps: number;
 }
 
@@ -35,9 +36,6 @@ export const NO_FIGURES: RangeFigures = {
   integral: NaN,
   gaps: 0,
 };
-
-/** A step of more than this many usual ones is a gap. */
-const GAP_STEPS = 1.5;
 
 export function rangeFigures(
   ring: Ring,
@@ -104,15 +102,4 @@ export function rangeFigures(
 function arcOf(low: number, high: number, period: number): Pick<RangeFigures, "rms" | "min" | "max"> {
   const wrapped = (v: number): number => (high - low < period ? v - period * Math.round(v / period) : NaN);
   return { rms: NaN, min: wrapped(low), max: wrapped(high) };
-}
-
-/** Number of steps that are gaps: longer than GAP_STEPS medians. */
-function gapsIn(steps: Float64Array): number {
-  const sorted = steps.slice().sort();
-  const middle = sorted.length >> 1;
-  const usual = sorted.length % 2 === 1 ? sorted[middle]! : ((sorted[middle - 1] ?? NaN) + (sorted[middle] ?? NaN)) / 2;
-  if (!(usual > 0)) return 0;
-  let gaps = sorted.length;
-  while (gaps > 0 && sorted[gaps - 1]! > GAP_STEPS * usual) gaps -= 1;
-  return sorted.length - gaps;
 }
