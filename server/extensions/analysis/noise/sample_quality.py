@@ -18,7 +18,7 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
-from imuscope.server.extensions.analysis.signals.spikes import spikes_in
+from imuscope.server.extensions.analysis.signals.spikes import noise_level, spikes_in
 from imuscope.server.extensions.analysis.signals.units import rounded
 
 MAX_RESOLUTION_SAMPLES = 100_000  # samples that determine the resolution
@@ -31,6 +31,7 @@ SMALL_STEP_SHARE = 0.05  # part of the distances between values
 COARSE_SIGMAS = 1.0  # standard deviations in a step of the resolution
 MIN_CLIPPED_SAMPLES, MIN_CLIPPED_SHARE = 5, 5e-4  # samples at an extreme, at least
 LARGE_STEP_SIGMAS = 9.0  # a smaller step is that of noise, or of a spike that changes its level only in large numbers
+MIN_EXCESS_SHARE = 0.5  # of what the variance is above that of the noise: else they are the tops of bursts
 MAX_SPIKE_SHARE = 0.005  # of the variance: less changes the noise by a quarter of a per cent
 Fault = tuple[str, str, str]
 """Name of a check, its finding, and the remedy."""
@@ -184,7 +185,8 @@ def _spikes(parts: Sequence[Steps], unit: str) -> list[Fault]:
     sizes = np.abs(np.concatenate(heights))
     n, squares = sum(len(part.values) for part in parts), float(np.square(sizes).sum())
     variance = sum(part.squares for part in parts) / n / 2  # of white noise, with the spikes: two steps each
-    if squares <= MAX_SPIKE_SHARE * n * variance:
+    excess = n * (variance - min(noise_level(part.steps) for part in parts) ** 2)
+    if squares <= max(MAX_SPIKE_SHARE * n * variance, MIN_EXCESS_SHARE * excess):
         return []
     words = f"Spikes: {counted(len(sizes), 'single sample')} of up to {_with(float(sizes.max()), unit, 3)}"
     hint = "Look for bit errors of the link, or for a converter near its limit, and record again."

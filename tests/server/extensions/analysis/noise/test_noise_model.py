@@ -9,7 +9,7 @@ from imuscope.server.extensions.analysis.noise.allan_deviation import allan_curv
 from imuscope.server.extensions.analysis.noise.noise_model import fit_noise
 from tests.server.extensions.analysis.simulated_sensors import flicker_noise
 
-SAMPLES, RATE = 6000, 100.0
+SAMPLES, RATE = 12_000, 100.0
 
 
 def test_intervals_of_95_percent_hold_the_truth_in_93_to_99() -> None:
