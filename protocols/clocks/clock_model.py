@@ -304,7 +304,7 @@ class ClockModel:
             self._wander = max(WANDER_FACTOR * spread.hidden, self._wander * (1 - faded))
         doubt = spread.low + max(spread.hidden, spread.grid, min(COMMON_DRIFT * self.newest, self._wander))
         vague = max(self._wander, spread.gap if self._scatter is None else self._scatter)
-        self._vague = vague
+        self._vague = max(spread.hidden, spread.gap if self._scatter is None else self._scatter)
         self._shrink_s = min(max((vague + SHARP_NS) / CRYSTAL_DRIFT / 1e9, SURE_S), UNSURE_S)
         self._tested = self.newest
         span, shrink = self.newest / 1e9, self._shrink_s

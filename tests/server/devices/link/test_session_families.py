@@ -206,8 +206,8 @@ async def test_every_sender_is_a_device_of_its_own() -> None:
         assert one.rate == pytest.approx(50, abs=2)
         assert other.rate == pytest.approx(25, abs=1)
         assert one.bytes == other.bytes  # the link's
-        assert one.drift_ppm is not None
-        assert other.drift_ppm is not None
+        assert one.uncertainty_ms is not None
+        assert other.uncertainty_ms is not None
 
 
 async def test_times_on_a_full_line_have_no_uncertainty_and_no_drift() -> None:
