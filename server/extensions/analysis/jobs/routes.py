@@ -75,7 +75,8 @@ class AnalysisRequest(BaseModel):
     signals: list[str] = Field(
         min_length=1,
         max_length=MAX_SIGNALS,
-        description="`CHANNEL.COLUMN`, `CHANNEL` for all columns, or an expression; `DEVICE/…` or `MESSAGE/…` if several have it",
+        description="`CHANNEL.COLUMN`, `CHANNEL` for all columns, or an expression; `DEVICE/…` or `MESSAGE/…` if "
+        "several have it",
     )
     device: str = Field("", description="whose signals are meant where several devices have a channel of that name")
     t0: float | None = Field(None, description="unix seconds; null for the beginning")
