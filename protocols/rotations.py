@@ -29,6 +29,7 @@ Vector = tuple[float, float, float]
 Part = TypeVar("Part", float, Floats)
 
 GIMBAL_SINE = 1 - 1e-11
+UNIT_TOLERANCE = 0.01  # of the norm: float32 and slow filters stay far below; beyond it an attitude is off by a degree
 
 _HALF = math.sqrt(0.5)
 ENU_FROM: Mapping[str, Quaternion] = {
@@ -48,18 +49,20 @@ def euler_columns(columns: Sequence[Array]) -> list[Floats]:
         columns: 4 of (n,): w, x, y, z; or 9: the matrix row by row.
 
     Returns:
-        three columns (n,), °: roll and yaw in (−180, 180], pitch in [−90, 90].
+        three columns (n,), °: roll and yaw in (−180, 180], pitch in [−90, 90]; NaN where a quaternion has not norm 1.
     """
     parts = [np.asarray(column, np.float64) for column in columns]
     with np.errstate(all="ignore"):
         m = parts if len(parts) == 9 else _matrix(*parts)
         down = -m[6]
+        if len(parts) == 4:
+            norm = np.sqrt(sum(part * part for part in parts))
+            down = np.where(np.abs(norm - 1) <= UNIT_TOLERANCE, down, np.nan)
         pitch = np.degrees(np.arcsin(np.clip(down, -1.0, 1.0)))
         locked = np.abs(down) > GIMBAL_SINE
         roll = np.where(locked, 0.0, np.degrees(np.arctan2(m[7], m[8])))
         yaw = np.degrees(np.where(locked, np.arctan2(-m[1], m[4]), np.arctan2(m[3], m[0])))
-    roll = np.where(np.isnan(pitch), np.nan, roll)
-    return [roll, pitch, yaw]
+    return [np.where(np.isnan(pitch), np.nan, angle) for angle in (roll, pitch, yaw)]
 
 
 def quaternion_columns(columns: Sequence[Array]) -> list[Floats]:
@@ -82,7 +85,7 @@ def quaternion_columns(columns: Sequence[Array]) -> list[Floats]:
 
 
 def quaternions(kind: str, columns: Sequence[Array]) -> Floats:
-    """Unit quaternions, (n, 4), of an attitude channel; a row of NaN where it is invalid (zeros, NaN).
+    """Unit quaternions, (n, 4), of an attitude channel; a row of NaN where it is invalid (NaN, a norm that is not 1).
 
     Args:
         kind: "quaternion", "matrix" (row by row) or "euler" (roll, pitch, yaw in °).
@@ -94,7 +97,7 @@ def quaternions(kind: str, columns: Sequence[Array]) -> Floats:
     if kind == "matrix":
         return quaternion_of(values.reshape(-1, 3, 3))
     lengths = np.linalg.norm(values, axis=1, keepdims=True)
-    return np.where((lengths > 1e-6) & (lengths < 1e6), values / np.where(lengths > 0, lengths, 1.0), np.nan)
+    return np.where(np.abs(lengths - 1) <= UNIT_TOLERANCE, values / np.where(lengths > 0, lengths, 1.0), np.nan)
 
 
 def _matrix(w: Floats, x: Floats, y: Floats, z: Floats) -> list[Floats]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.clocks.tick_unwrap import (
+    ADVANCE,
     ARRIVAL,
     LATE_RUN,
     NEAR_SHARE,
@@ -22,15 +23,17 @@ from imuscope.protocols.clocks.tick_unwrap import (
     WRAP,
     follow,
 )
-from imuscope.protocols.native.kernels import INT, INTS, TRIPLE, compiled
+from imuscope.protocols.native.kernels import FOUR, INT, INTS, compiled
 
 LATE_SHARE = 1024  # a row behind the newest by up to this share of the modulus is late
 RESTART_SHARE = 8
 RESTART_ROWS = 256  # missing before a number near 0: a restart
 
 
-@compiled(TRIPLE, INTS, INT, INT, INTS, INTS)
-def count_missing(values: Ints, last: int, modulus: int, lost: Ints, restarts: Ints) -> tuple[int, int, int]:
+@compiled(FOUR, INTS, INT, INT, INTS, INTS, INTS)
+def count_missing(
+    values: Ints, last: int, modulus: int, lost: Ints, restarts: Ints, late: Ints
+) -> tuple[int, int, int, int]:
     """Count the numbers missing before each of the rows `values`.
 
     A row is late, or a repeat, when it is a little behind the newest; the clock of a device that restarts goes back to
@@ -41,11 +44,13 @@ def count_missing(values: Ints, last: int, modulus: int, lost: Ints, restarts: I
         last: the newest number before them.
         lost: (n,), written: numbers missing just before each.
         restarts: (n,), written: rows where the sequence restarts.
+        late: (n,), written: rows that are late or repeat one.
 
     Returns:
-        the newest number, the total of missing numbers, the number of restarts.
+        the newest number, the total of missing numbers, the number of restarts and that of late rows.
     """
     total = 0
+    late_count = 0
     restart_count = 0
     for row in range(len(values)):
         value = values[row]
@@ -54,6 +59,8 @@ def count_missing(values: Ints, last: int, modulus: int, lost: Ints, restarts: I
             missing %= modulus
             if modulus - missing <= modulus // LATE_SHARE + 1:
                 lost[row] = 0
+                late[late_count] = row
+                late_count += 1
                 continue
             if missing > modulus // RESTART_SHARE or (missing >= RESTART_ROWS and value < 2):
                 restarts[restart_count] = row
@@ -62,7 +69,7 @@ def count_missing(values: Ints, last: int, modulus: int, lost: Ints, restarts: I
         lost[row] = missing
         total += missing
         last = value
-    return last, total, restart_count
+    return last, total, restart_count, late_count
 
 
 Times = NDArray[np.int64]
@@ -115,7 +122,7 @@ class TickUnwrapper:
     def _load_state(self) -> None:
         """State needed by `tick`, as plain numbers."""
         self._is_ahead = False  # they are newer than the array
-        started, self._newest, self._turns, _, self._arrived, wrap, first, last = self._state.tolist()
+        started, self._newest, self._turns, _, self._arrived, wrap, first, last, self._advance, _ = self._state.tolist()
         self._near = max(int(self._wraps[wrap]) // NEAR_SHARE, 1)
         in_doubt = first + 1 < last
         self._below = (int(self._wraps[first]) if in_doubt else 1 << 63) if started else -1
@@ -132,7 +139,8 @@ class TickUnwrapper:
             return int(self.ticks(np.array((raw,)), arrival)[0])
         if self.steps:
             self.steps = []
-        self._newest = value
+        if value > self._newest:
+            self._advance, self._newest = value - self._newest, value
         self._is_ahead = True
         if arrival_ns is not None and self._tick_ns:
             self._arrived = arrival_ns
@@ -143,12 +151,13 @@ class TickUnwrapper:
         self._is_ahead = False
         state = self._state
         state[NEWEST], state[ARRIVAL], state[LATE_RUN] = self._newest, self._arrived, 0
+        state[ADVANCE] = self._advance
 
     def ticks(self, raw: Array, arrival_ns: Array | None = None) -> Times:
         """Unwrapped ticks of the rows `raw`, (n,) int64, continuing from the last call.
 
         `steps` then lists (row, kind, by ticks): "reset" where the clock restarted near zero, "jump" where it moved
-        otherwise; `by` is negative backwards.
+        otherwise; `by`, negative backwards, is the difference to a clock that advanced as it last did.
         """
         values = np.ascontiguousarray(raw, np.int64)
         arrival = _UNKNOWN if arrival_ns is None else np.ascontiguousarray(arrival_ns, np.int64)
@@ -173,12 +182,13 @@ class SequenceCounter:
 
     Notes:
         More than an eighth of the modulus missing, or a return to 0, is a restart: `restarts` lists the rows, and
-        nothing is counted as lost. A repeated or slightly older number is a late row and not a loss.
+        nothing is counted as lost. A repeated or slightly older number is a late row and not a loss: `late` lists them.
     """
 
     def __init__(self, modulus: int) -> None:
         self.modulus = modulus
         self.restarts: list[int] = []
+        self.late: list[int] = []
         self.first: int | None = None  # the first number seen
         self.passed = 0  # its progress since, without late rows and restarts
         self._last: int | None = None
@@ -194,20 +204,21 @@ class SequenceCounter:
             return False
         self._last = number
         self.passed += 1
-        self.restarts = []
+        self.restarts = self.late = []
         return True
 
     def missing(self, raw: Array) -> Times:
         """(n,) int64: number of frames lost just before each row, continuing from the last call."""
         values = np.asarray(raw).astype(np.int64)
-        self.restarts = []
+        self.restarts, self.late = [], []
         if len(values) == 0:
             return values
         if self._last is None:
             self.first, self.passed = int(values[0]), -1
         last = int(values[0]) - 1 if self._last is None else self._last
-        lost, restarts = np.empty(len(values), np.int64), np.empty(len(values), np.int64)
-        self._last, total, restarted = count_missing(values, last, self.modulus, lost, restarts)
+        lost, restarts, late = np.empty((3, len(values)), np.int64)
+        self._last, total, restarted, behind = count_missing(values, last, self.modulus, lost, restarts, late)
         self.restarts = restarts[:restarted].tolist() if restarted else []
-        self.passed += len(values) + total
+        self.late = late[:behind].tolist() if behind else []
+        self.passed += len(values) - behind + total
         return lost

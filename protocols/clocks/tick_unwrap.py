@@ -20,8 +20,10 @@ LATE_ROWS = 8  # after this many late rows in a row the clock was set back
 NEAR_SHARE = 4096  # without arrival times, a step of more than this share of the wrap is a jump
 
 # The state of a clock between calls.
-STARTED, NEWEST, TURNS, LATE_RUN, ARRIVAL, WRAP, OPEN_FROM, OPEN_TO = range(8)
-STATES = 8
+STARTED, NEWEST, TURNS, LATE_RUN, ARRIVAL, WRAP, OPEN_FROM, OPEN_TO, ADVANCE, FIRST_LATE = range(10)
+STATES = 10
+#   ADVANCE     the last advance from one tick to a newer one: what the clock would have done in place of a step
+#   FIRST_LATE  the first of the late rows: if they go on, the clock was set back to it
 
 RESET, JUMP = 0, 1
 
@@ -70,7 +72,7 @@ def follow(
         tick_ns: length of a tick, for comparison with arrival times; 0: unknown.
         slack_ns: how far the device's clock may advance beyond the host's in a step.
         out: (n,), written.
-        steps: (3, n), written: row, RESET or JUMP, by how many ticks.
+        steps: (3, n), written: row, RESET or JUMP, by how many ticks the clock differs from one that continued.
 
     Returns:
         Number of steps.
@@ -99,6 +101,8 @@ def follow(
                 continue
             wrapped = value < newest and _wraps(ticks, near if timed else -1, state, wraps)
             if not wrapped and value < newest and newest - value <= late and state[LATE_RUN] + 1 < LATE_ROWS:
+                if state[LATE_RUN] == 0:
+                    state[FIRST_LATE] = value
                 state[LATE_RUN] += 1
                 out[row] = value
                 continue
@@ -106,10 +110,13 @@ def follow(
                 restarted = value < newest and ticks < max(wrap // NEAR_SHARE // 4, 1)
                 steps[0, count] = row
                 steps[1, count] = RESET if restarted else JUMP
-                steps[2, count] = value - newest
+                first = state[FIRST_LATE] if value < newest and state[LATE_RUN] > 0 else value
+                steps[2, count] = first - newest - state[ADVANCE]
                 count += 1
                 if restarted:
                     state[TURNS] = 0
+        elif value > newest:
+            state[ADVANCE] = value - newest
         state[NEWEST] = ticks + state[TURNS]
         state[LATE_RUN] = 0
         if timed:

@@ -54,7 +54,9 @@ REASONS = (
 FRAME, BAD_CHECKSUM, BAD_SIZE, BAD_ID, TRUNCATED, BAD_ITEM, BAD_TYPE, BAD_CRC8, BAD_VERSION = range(9)
 BAD_MODE, BELOW_MIN_MODE, BAD_CRC32, BAD_HMAC, NO_KEY, SUCCESSOR, STALE, FAR_AHEAD = range(9, 17)
 
-REFUSED = frozenset(("bad_version", "bad_mode", "below_min_mode", "no_key", "successor", "stale", "far_ahead"))
+REFUSED = frozenset(
+    ("bad_version", "bad_mode", "below_min_mode", "no_key", "successor", "stale", "far_ahead", "repeated")
+)
 """Reasons of frames that are intact but not accepted as they are: nothing was damaged on the wire."""
 
 Scan = Callable[[Bytes, int, bool, Ints], tuple[int, int, int, int]]

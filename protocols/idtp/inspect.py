@@ -24,9 +24,10 @@ from imuscope.protocols.idtp.custom_payloads import Schema
 from imuscope.protocols.idtp.frames import MAJOR, SECURE, VERSION, version_at
 from imuscope.protocols.idtp.json_codec import frame_to_json
 from imuscope.protocols.idtp.messages import BY_ID, MODE_NAMES, QUATERNION, WIRE
-from imuscope.protocols.idtp.payloads import UNIT_TOLERANCE, row_of
+from imuscope.protocols.idtp.payloads import row_of
 from imuscope.protocols.idtp.replay_guard import MODE
 from imuscope.protocols.idtp.stream_parser import IdtpStream
+from imuscope.protocols.rotations import UNIT_TOLERANCE
 
 
 def detection_score(data: bytes) -> tuple[float, str]:

@@ -32,12 +32,11 @@ from imuscope.protocols.idtp.messages import (
     status_of,
 )
 from imuscope.protocols.native.kernels import INTS, NOTHING, READ_ROWS, ROWS, TABLE, compiled, unsigned
+from imuscope.protocols.rotations import UNIT_TOLERANCE
 from imuscope.protocols.schema.fields import Field, Message
 from imuscope.protocols.schema.layouts import Layout, LazyColumns, element, size_of
 
 Rotation = Literal["enu_from_body", "body_from_enu"]
-
-UNIT_TOLERANCE = 0.01  # of the norm: float32 and slow filters stay far below; beyond it an attitude is off by a degree
 
 
 def row_of(kind: int, old: bool, schema: Schema) -> Message | None:

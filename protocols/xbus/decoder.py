@@ -25,7 +25,8 @@ Temperature_2.
 
 ## Loss
 
-PacketCounter counts every MTData2 message of a device, whatever its content; missing numbers are a SampleGap.
+PacketCounter counts every MTData2 message of a device, whatever its content; missing numbers are a SampleGap. A frame
+with the number and the SampleTimeFine of one of the last came twice: it is rejected as "repeated".
 
 ## Several devices
 
@@ -38,7 +39,7 @@ Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 """
 
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -94,6 +95,7 @@ DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-seri
 Flags = NDArray[np.bool_]
 
 _CLOCKS = {"": NO_CLOCK, "UtcTime": UTC, "SampleTimeCoarse": COARSE_CLOCK, "SampleTimeFine": FINE_CLOCK}
+_RECENT = 128  # frames among which one is looked for that came twice
 _MAX_LAYOUTS = 1024  # layouts remembered; a device has a handful
 
 
@@ -165,6 +167,9 @@ class _Clocks:
         self.counter = SequenceCounter(1 << 16)
         self.fine = TickUnwrapper(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
         self.coarse = TickUnwrapper(WRAP, tick_ns=1_000_000_000)
+        self.recent: deque[tuple[int, int]] = deque(
+            maxlen=_RECENT
+        )  # PacketCounter and SampleTimeFine of the last frames
         self.clock = 0  # the best clock shown so far
         self.fix = FIX_UNKNOWN  # by the last GNSS solution
 
@@ -327,27 +332,40 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         self._clocks.clock = FINE_CLOCK
         offset += cut.start
         fine, counter = layout.fine_at, layout.counter_at
-        time = self._clocks.fine.tick(int.from_bytes(payload[fine : fine + 4], "big")) * TICK_NS
-        for _, kind, by in self._clocks.fine.steps:
-            events.append(ClockStep(offset, kind, by * TICK_NS, int(cut.arrival_ns[0])))
         number = int.from_bytes(payload[counter : counter + 2], "big")
-        if not self._clocks.counter.follows(number) and (
-            missing := int(self._clocks.counter.missing(np.array((number,)))[0])
-        ):
+        ticks = int.from_bytes(payload[fine : fine + 4], "big")
+        clocks = self._clocks
+        missing = 0 if clocks.counter.follows(number) else int(clocks.counter.missing(np.array((number,)))[0])
+        if clocks.counter.late and (number, ticks) in clocks.recent:
+            events.append(RejectedFrame(offset, size, "repeated", int(cut.arrival_ns[0])))
+            return True
+        clocks.recent.append((number, ticks))
+        time = clocks.fine.tick(ticks) * TICK_NS
+        for _, kind, by in clocks.fine.steps:
+            events.append(ClockStep(offset, kind, by * TICK_NS, int(cut.arrival_ns[0])))
+        if missing:
             events.append(SampleGap(offset, missing, "PacketCounter", int(cut.arrival_ns[0]), time))
         columns = layout.layout.columns(np.ndarray((1, length), UINT8, payload))
         offsets, times = one_number(offset), one_number(time)
         events.append(Batch(layout.message, "", cut.arrival_ns, offsets, times, columns, size=size))
         return True
 
-    def _data(self, cut: ParseResult, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
-        """Batches, gaps and steps of MTData2 frames."""
-        n = table.shape[1]
+    def _data(
+        self, cut: ParseResult, table: Ints, arrivals: Ints, replies: list[Reply], missing: Ints | None = None
+    ) -> list[Event]:
+        """Batches, gaps and steps of MTData2 frames. `missing`: frames lost before each, if that is counted already."""
+        n, body = table.shape[1], table[BODY]
         walked, about = np.empty((WALKED, n), np.int64), np.empty((ABOUT, n), np.int64)
-        order = np.empty(n, np.int64)
-        bounds = np.empty(n + 1, np.int64)
-        body = table[BODY]
+        order, bounds = np.empty(n, np.int64), np.empty(n + 1, np.int64)
         groups, bad, without_fine, without_counter = walk(cut.array, body, table[LENGTH], walked, order, bounds)
+        if missing is None:
+            missing, repeated = self._missing(walked[COUNTER], walked[FINE], bool(without_counter))
+            if repeated:
+                once = np.delete(np.arange(n), repeated)
+                places = zip(*table[[OFFSET, SIZE]][:, repeated].tolist(), arrivals[repeated].tolist(), strict=True)
+                table, arrivals, missing = np.ascontiguousarray(table[:, once]), arrivals[once], missing[once]
+                data = self._data(cut, table, arrivals, replies, missing)
+                return [*(RejectedFrame(cut.start + at, size, "repeated", when) for at, size, when in places), *data]
         offsets, timed = about[OFFSETS], about[TIMED]
         np.add(table[OFFSET], cut.start, out=offsets)
         events: list[Event] = []
@@ -358,7 +376,9 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             self._clocks.clock = FINE_CLOCK
             times = self._unwrap(self._clocks.fine, TICK_NS, walked[FINE], offsets, arrivals, events)
             timed[:] = 1
-        self._gaps(walked[COUNTER], bool(without_counter), offsets, arrivals, times, timed, events)
+        for i in np.flatnonzero(missing).tolist() if np.count_nonzero(missing) else ():
+            time = int(times[i]) if timed[i] else None
+            events.append(SampleGap(int(offsets[i]), int(missing[i]), "PacketCounter", int(arrivals[i]), time))
         if bad:
             self._bad_tails(table, walked[GOOD], cut.start, arrivals, events)
         about[STARTS], about[ARRIVALS], about[TIMES] = body, arrivals, times
@@ -433,25 +453,23 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             events.append(ClockStep(int(offsets[i]), kind, by * tick_ns, int(arrivals[i])))
         return ticks * tick_ns
 
-    def _gaps(
-        self,
-        raw: Ints,
-        holes: bool,
-        offsets: Ints,
-        arrivals: Ints,
-        times: Ints,
-        timed: Ints,
-        events: list[Event],
-    ) -> None:
-        """Gaps by PacketCounter; `holes`: some frames do not carry it."""
-        rows = np.flatnonzero(raw >= 0) if holes else None
-        missing = self._clocks.counter.missing(raw if rows is None else raw[rows])
-        if not np.count_nonzero(missing):
-            return
-        for k in np.flatnonzero(missing).tolist():
-            i = k if rows is None else int(rows[k])
-            time = int(times[i]) if timed[i] else None
-            events.append(SampleGap(int(offsets[i]), int(missing[k]), "PacketCounter", int(arrivals[i]), time))
+    def _missing(self, counters: Ints, fine: Ints, holes: bool) -> tuple[Ints, list[int]]:
+        """Number of frames lost before each, by PacketCounter, and the rows of those that came twice; `holes`: some
+        frames do not carry it.
+        """
+        counter, recent = self._clocks.counter, self._clocks.recent
+        missing = np.zeros(len(counters), np.int64)
+        rows = np.flatnonzero(counters >= 0) if holes else np.arange(len(counters))
+        missing[rows] = counter.missing(counters[rows])
+        repeated: list[int] = []
+        late = set(rows[counter.late].tolist())
+        some = rows if late else rows[-_RECENT:]
+        for row, *frame in zip(some.tolist(), counters[some].tolist(), fine[some].tolist(), strict=True):
+            if row in late and frame[1] >= 0 and tuple(frame) in recent:
+                repeated.append(row)
+            else:
+                recent.append((frame[0], frame[1]))
+        return missing, repeated
 
 
 def _batches(layout: DataLayout, rows: Bytes, metadata: Ints, timed: Flags | None) -> list[Batch]:
@@ -459,16 +477,11 @@ def _batches(layout: DataLayout, rows: Bytes, metadata: Ints, timed: Flags | Non
     columns = layout.layout.columns
     if timed is None:
         return [Batch(layout.message, "", metadata[ARRIVALS], metadata[OFFSETS], metadata[TIMES], columns(rows))]
-    batches = []
-    for part, has_time in ((timed, True), (~timed, False)):
-        if part.all():
-            time = metadata[TIMES] if has_time else None
-            return [Batch(layout.message, "", metadata[ARRIVALS], metadata[OFFSETS], time, columns(rows))]
-        if part.any():
-            own = metadata[:, part]
-            time = own[TIMES] if has_time else None
-            batches.append(Batch(layout.message, "", own[ARRIVALS], own[OFFSETS], time, columns(rows[part])))
-    return batches
+    return [
+        Batch(layout.message, "", own[ARRIVALS], own[OFFSETS], own[TIMES] if has_time else None, columns(rows[part]))
+        for part, has_time in ((timed, True), (~timed, False))
+        if (own := metadata[:, part]).size
+    ]
 
 
 def _stretches(

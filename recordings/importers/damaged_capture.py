@@ -16,7 +16,7 @@ _SENTENCE = re.compile(rb"^[$!][A-Z][A-Z0-9]{2,9},[^*\r\n]*(\*[0-9A-Fa-f]{2})?\s
 
 
 def without_comments(data: bytes) -> bytes:
-    """The first bytes of a file without blank lines and comments above sentences of NMEA; as they are in other files."""
+    """The first bytes of a file without blank lines and comments above sentences of NMEA; others as they are."""
     rest = _COMMENTS.sub(b"", data, 1)
     return rest if rest.startswith(b"$") else data
 

@@ -41,7 +41,7 @@ def test_the_vectors_are_not_empty() -> None:
 def test_angles_lead_back_to_the_rotation(q: list[float]) -> None:
     length = math.hypot(*q)
     w, x, y, z = (part / length for part in q)
-    roll, pitch, yaw = (math.radians(angle) for angle in angles(q))
+    roll, pitch, yaw = (math.radians(angle) for angle in angles([w, x, y, z]))
     forward = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
     want = (math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch))
     if abs(pitch) < math.radians(89.9):

@@ -90,6 +90,14 @@ class EventReporter:
         text = f"No samples for {_duration(t1 - t0)}: {because}"
         self.report("gap", "info", text, time=t1, span=(t0, t1), data={"by": "request"})
 
+    def counter_restarted(self, gap: SampleGap, t0: float, t1: float, *, with_clock: bool) -> None:
+        """Report a counter that does not continue: its difference does not count samples."""
+        how = "together with the clock, so the device restarted"
+        if not with_clock:
+            how = f"by {gap.missing + 1} in {_duration(t1 - t0)}, which is more than the device sends"
+        text = f"The {gap.counter} moved {how}: the number of lost samples is not known."
+        self.report("gap", "error", text, time=t1, span=(t0, t1), data={"counter": gap.counter, "by": "restart"})
+
     def gap_withdrawn(self, gap: SampleGap) -> None:
         """Report that samples reported as lost were not."""
         text = (
@@ -124,8 +132,8 @@ class EventReporter:
     def step(self, step: ClockStep, time: float) -> None:
         words = {
             "reset": "The device's clock started again from zero.",
-            "jump": f"The device's clock jumped by {_signed(step.by_ns / 1e9)}.",
-            "log": f"The clock of the log jumped by {_signed(step.by_ns / 1e9)}.",
+            "jump": f"The device's clock {_moved(step.by_ns / 1e9)}.",
+            "log": f"The clock of the log {_moved(step.by_ns / 1e9)}.",
             "sync": f"The device's clock was synchronised and moved by {_signed(step.by_ns / 1e9)}.",
         }
         if self._is_allowed("clock", GAPS_PER_PERIOD):
@@ -236,6 +244,11 @@ def _samples(count: int) -> str:
 
 def _duration(seconds: float) -> str:
     return f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s"
+
+
+def _moved(seconds: float) -> str:
+    way = "was set back" if seconds < 0 else "jumped ahead"
+    return f"{way} by {_signed(abs(seconds)).lstrip('+')}"
 
 
 def _signed(seconds: float) -> str:

@@ -25,33 +25,31 @@ from imuscope.protocols.clocks.host_timestamps import StampClock
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
 from imuscope.protocols.family.info import DeviceTraits, StreamTraits
 from imuscope.protocols.framing.stream_buffer import REFUSED
-from imuscope.protocols.schema.plural import counted
-from imuscope.server.devices.device.event_reporter import EventReporter, LossCause
+from imuscope.protocols.rotations import UNIT_TOLERANCE
+from imuscope.server.devices.device.event_reporter import EventReporter
 from imuscope.server.devices.device.jitter_causes import cause_of
 from imuscope.server.devices.device.link_stats import LinkStatistics
+from imuscope.server.devices.device.losses import LossReporter
 from imuscope.server.devices.device.sentence_clock import SentenceRows
 from imuscope.server.devices.device.utc_time import Dating
 from imuscope.server.links.base import Link
 from imuscope.server.links.line_timing import byte_time_ns, holds_ns, port_of
 from imuscope.server.links.registry import is_network
-from imuscope.server.streaming.channels import MAX_CHANNELS, ChannelRegistry
+from imuscope.server.streaming.channels import MAX_CHANNELS, ChannelRegistry, is_quaternion
 from imuscope.server.streaming.sink import TelemetrySink
 from imuscope.server.streaming.unknown_payloads import UnknownPayloadTracker
 from imuscope.server.wire import JitterCause
 
 NETWORK_NS = 1e6  # one-way delay of a local network: the minimum cannot be measured from one end
 MAX_RESETS = 100  # stored
-BACK_NS = 1e9  # a larger jump back is a reset whose first frames were lost or rejected
-FULL_LINK_SHARE = 0.9  # share of a link's capacity above which a gap is attributed to a full link
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
-LEFT_OUT_S = 10.0  # a gap this soon after bytes were left out is attributed to that
 SLICE_NS = 1_000_000_000  # part of a drain that is mapped to host time at once
 PAUSE_S = 5.0  # shortest reported pause of a capture, by the device's clock
 NEAR_S = 0.5  # a jump that ends this near the end of a pause is that pause
+NORM_CHECK_NS, NORM_REPORT_NS = 250_000_000, 60_000_000_000  # looking at each sample would cost a live stream too much
 NO_TIMES: NDArray[np.float64] = np.zeros(0)
 REMAP_INTERVAL_S = 10.0  # between reports, so that an unsettled mapping does not fill the log
 REPORTED_ONCE = ("no_key",)  # by server/devices/device/stream_diagnostics.py, not for every frame
-MAX_INTERRUPTIONS = 64  # remembered while no frame arrives
 MAX_PROTECTIONS = 8  # listed for one device
 EMBEDDED_NAMES = {"ubx": "u-blox receiver (UBX)", "rtcm3": "RTCM 3 source", "nmea": "NMEA 0183 device"}
 """Name of a device that sends only such messages, the most specific kind first: any device may send NMEA."""
@@ -184,12 +182,10 @@ class Ingest:
         self._identify = identify
         self._line = line
         self._counts_rejects = counts_rejects
-        self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last good frame
-        self._changes = about.stream.output_changes() if about.stream.output_changes is not None else None
-        self._explained: set[int] = set()  # positions of those that a counter has shown
-        self._interruptions: list[tuple[int, tuple[int, str]]] = []  # since the last frame: position, rank and reason
-        self._last_offset = -1  # of the last frame of the previous drain
+        self._losses = LossReporter(figures, incidents, sink.now, kind=line.kind, capacity=line.capacity)
+        if about.stream.output_changes is not None:
+            self._losses.changes = about.stream.output_changes()
         unknown_ns = NETWORK_NS if is_network(line.kind) else 0
         self.clock: ClockSync = CaptureClock()
         if about.stream.stamped:
@@ -203,6 +199,7 @@ class Ingest:
         self._breaks: list[float] = []  # restarts of the clock mapping that are not reported yet, unix s
         self._steps_ignored_until = 0.0  # clock steps until then are not reported again, unix s
         self._traits = about
+        self._norms_checked_ns = self._norm_reported_ns = -(1 << 62)
         self._dating = Dating(about.stream.utc)
         self.identity = DeviceIdentity(about.device.identity, about.device.sender)
         self._kinds: set[str] | None = set()  # of embedded messages, until a message of the protocol itself arrives
@@ -234,11 +231,27 @@ class Ingest:
             self.samples += len(batch)
             self._stats.count_numbered(batch, self._traits.stream)
             self._unknown_payloads.batch(batch, time)
+            if (since := int(batch.arrival_ns[-1]) - self._norms_checked_ns) > NORM_CHECK_NS or since < 0:
+                self._check_norms(batch)
         self.samples += len(texts)  # a device that sends only sentences is live too
         if self._traits.protection is not None:
             self._count_verified(batches, self._traits.protection)
         self._report(events, batches, times)
         self._unknown_payloads.drained()
+
+    def _check_norms(self, batch: Batch) -> None:
+        """Report quaternions whose norm is not 1; the attitude derived from them has a gap there."""
+        for field_ in batch.message.fields:
+            if field_.shape != (4,) or not is_quaternion(field_) or field_.name not in batch.columns:
+                continue
+            self._norms_checked_ns = int(batch.arrival_ns[-1])
+            with np.errstate(all="ignore"):
+                norms = np.linalg.norm(np.asarray(batch.columns[field_.name], np.float64), axis=1)
+            odd = np.flatnonzero(np.abs(norms - 1) > UNIT_TOLERANCE)
+            if len(odd) and self._norms_checked_ns - self._norm_reported_ns > NORM_REPORT_NS:
+                self._norm_reported_ns, norm = self._norms_checked_ns, float(norms[odd[0]])
+                text = f"{field_.title or field_.name} has norm {norm:.3g} instead of 1, so it gives no attitude."
+                self._events.report("device", "warning", text, time=batch.arrival_ns[odd[0]] / 1e9, data={"norm": norm})
 
     def _update_identity(self, events: Sequence[Event], kinds: set[str]) -> None:
         """Name the device by its embedded messages until a message of its protocol arrives."""
@@ -325,21 +338,18 @@ class Ingest:
     # ── events ──
 
     def _report(self, events: Sequence[Event], batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> None:
-        if len(batches) == len(events) and batches and self._line.timed and not self._interruptions:  # the usual case
+        is_usual = len(batches) == len(events) and batches and self._line.timed
+        if is_usual and not self._losses.interruptions:
             ends = [_last(batch, time) for batch, time in zip(batches, times, strict=True)]
-            self._last_time = max(ends) if self._last_time is None else max(self._last_time, *ends)
+            self._losses.last_time = max(ends) if self._losses.last_time is None else max(self._losses.last_time, *ends)
             self._rejects_before = 0
             self._report_remapping()
             return
         offsets, hosts = _stream_order(batches, times)
-        if self._last_time is not None and len(hosts):
-            hosts = np.maximum(hosts, self._last_time)
+        if self._losses.last_time is not None and len(hosts):
+            hosts = np.maximum(hosts, self._losses.last_time)
         pauses = self._pauses(hosts) if not self._line.timed else ()
-        if self._changes is not None:
-            replies = (event for event in events if isinstance(event, Reply))
-            reasons = ((one.offset, self._changes.observe(one)) for one in replies)
-            self._interruptions += [(offset, reason) for offset, reason in reasons if reason is not None]
-            del self._interruptions[:-MAX_INTERRUPTIONS]
+        self._losses.begin(events, offsets, hosts)
         rejects: list[RejectedFrame] = []
         damaged: list[RejectedFrame] = []  # without frames rejected for reasons that do not concern the line
         for event in events:
@@ -353,9 +363,9 @@ class Ingest:
                 if event.reason not in REFUSED:
                     damaged.append(event)
             elif isinstance(event, SampleGap):
-                self._gap(event, offsets, hosts, len(damaged) + self._rejects_before)
+                self._losses.gap(event, len(damaged) + self._rejects_before)
             elif isinstance(event, ClockStep):
-                if event.kind == "reset" or (event.kind == "jump" and event.by_ns < -BACK_NS):
+                if event.kind == "reset":
                     self._resets.append(event.arrival_ns / 1e9)
                 after = _time_after(event, batches, times)
                 if event.kind == "jump" and any(abs(after - pause) < NEAR_S for pause in pauses):
@@ -370,29 +380,17 @@ class Ingest:
             self._stats.rejected(reject.reason for reject in rejects)
             self._events.rejects([reject for reject in rejects if reject.reason not in REPORTED_ONCE])
         if len(hosts):
-            self._report_pauses(offsets, hosts)
-            self._last_offset = int(offsets[-1])
-            self._interruptions = [one for one in self._interruptions if one[0] > self._last_offset]
-            self._last_time = float(hosts[-1])
+            self._losses.end()
             self._rejects_before = sum(reject.offset > offsets[-1] for reject in damaged)
         else:
             self._rejects_before += len(damaged)
 
-    def _report_pauses(self, offsets: NDArray[np.int64], hosts: NDArray[np.float64]) -> None:
-        """Report pauses on request that no counter has shown."""
-        known = [one for one in self._interruptions if one[0] < offsets[-1] and one[0] not in self._explained]
-        for at in dict.fromkeys(int(np.searchsorted(offsets, offset)) for offset, _ in known):
-            before = float(hosts[at - 1]) if at else self._last_time
-            if before is not None and hosts[at] > before:
-                words = max(reason for offset, reason in known if np.searchsorted(offsets, offset) == at)[1]
-                self._stats.gaps += 1
-                self._events.pause(before, float(hosts[at]), words)
-        self._explained.clear()
-
     def _pauses(self, hosts: NDArray[np.float64]) -> list[float]:
         """Report pauses of a capture by the device's clock; returns the end of each, unix s."""
         known = (
-            np.concatenate(([hosts[0] if self._last_time is None else self._last_time], hosts)) if len(hosts) else hosts
+            np.concatenate(([hosts[0] if self._losses.last_time is None else self._losses.last_time], hosts))
+            if len(hosts)
+            else hosts
         )
         ends = []
         for at in np.flatnonzero(np.diff(known) > PAUSE_S).tolist():
@@ -420,48 +418,6 @@ class Ingest:
             self._events.reply(reply)
         if self.identity.update(reply):
             self._identify(self.identity)
-
-    def _gap(self, gap: SampleGap, offsets: NDArray[np.int64], hosts: NDArray[np.float64], rejects: int) -> None:
-        self._stats.lost += gap.missing
-        if gap.missing < 0:
-            self._stats.gaps -= 1
-            self._events.gap_withdrawn(gap)
-            return
-        self._stats.gaps += 1
-        at = int(np.searchsorted(offsets, gap.offset))
-        before = float(hosts[at - 1]) if 0 < at <= len(hosts) else self._last_time
-        # The first frame after the gap may have an older time (a GNSS solution): the gap ends at the first newer one.
-        newer = hosts[at:] if before is None else hosts[at:][hosts[at:] > before]
-        after = float(newer[0]) if len(newer) else gap.arrival_ns / 1e9
-        begin = int(offsets[at - 1]) if 0 < at <= len(offsets) else self._last_offset
-        cause = self._requested(begin, gap.offset) or self._loss_cause(rejects)
-        self._events.gap(gap, after if before is None else min(before, after), after, cause)
-
-    def _requested(self, begin: int, end: int) -> LossCause | None:
-        """Cause of a loss between two positions, if a user requested it."""
-        if self._changes is None:
-            return None
-        between = [(offset, reason) for offset, reason in self._interruptions if begin < offset < end]
-        self._explained.update(offset for offset, _ in between)
-        reasons = [reason for _, reason in between]
-        reasons += [self._changes.standing] if self._changes.standing is not None else []
-        return LossCause("request", max(reasons)[1]) if reasons else None
-
-    def _loss_cause(self, rejects: int) -> LossCause:
-        """Cause of a loss, as far as it can be determined on this host."""
-        if self._sink.now() - self._stats.left_out_at < LEFT_OUT_S:
-            return LossCause("host", "this host could not decode them in time and left bytes out.")
-        if rejects:
-            frames = counted(rejects, "damaged frame")
-            return LossCause("wire", f"{frames} in between, so bytes were lost or changed on their way here.")
-        if self._line.kind == "udp":
-            return LossCause("network", "the network did not deliver them.")
-        capacity = self._line.capacity
-        if capacity and self._stats.bytes.rate(self._sink.now()) >= FULL_LINK_SHARE * capacity:
-            return LossCause(
-                "link", "the link is full, so the device could not send them. Lower a rate or raise the baud."
-            )
-        return LossCause("unknown", "the cause is unknown; nothing damaged was received.")
 
 
 def _last(batch: Batch, time: NDArray[np.float64]) -> float:

@@ -3,7 +3,7 @@
 Latency is the time from the arrival of the oldest waiting byte until its samples were passed to the browsers.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 
 from imuscope.protocols.events import Batch
@@ -14,6 +14,9 @@ from imuscope.server.wire import MessageHealth
 
 MAX_MESSAGES = 256  # counted by name; a healthy device has a few dozen, noise can produce any number
 OTHERS = "other messages"
+RATES, RATE_WINDOW_S = 8, 1.0
+RATE_TOLERANCE = 2.0  # a host that catches up sees twice the rate
+FEW_LOST = 16  # a gap may end anywhere in a chunk
 LATENCIES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # a flush may wait 8 or 16 ms
 
 
@@ -27,6 +30,8 @@ class LinkStatistics:
         self.lost = 0
         self.numbered = 0  # samples received that counters number: lost ones are a share of these and themselves
         self._numbered_at = -1  # first offset of the frames that were counted last
+        self._window = 0.0, 0  # arrival at its beginning, unix s, and `numbered` then
+        self._rates: deque[float] = deque(maxlen=RATES)  # of `numbered` in the last windows, 1/s
         self.rejects = 0
         self.rejects_by: Counter[str] = Counter()  # reason → count
         self.unclaimed = 0  # bytes that belong to no accepted frame and no known message
@@ -75,7 +80,20 @@ class LinkStatistics:
         """Count samples that the counter of their device numbers. Several batches of the same frames count once."""
         if len(batch) and batch.offset[0] != self._numbered_at and stream.numbers(batch.message):
             self._numbered_at = int(batch.offset[0])
+            if not self.numbered:
+                self._window = float(batch.arrival_ns[0]) / 1e9, 1
             self.numbered += len(batch)
+            since, before = self._window
+            if (arrival := float(batch.arrival_ns[-1]) / 1e9) - since >= RATE_WINDOW_S:
+                self._rates.append((self.numbered - before) / (arrival - since))
+                self._window = arrival, self.numbered
+
+    def can_be_lost(self, count: int, seconds: float, rate: float) -> bool:
+        """Whether a device can have sent so many samples in that time, at the fastest rate of the last windows or at
+        `rate`, that of the samples next to them; 0: unknown.
+        """
+        fastest = max(rate, *self._rates, 0.0)
+        return fastest == 0 or count <= RATE_TOLERANCE * fastest * seconds + FEW_LOST
 
     def rejected(self, reasons: Iterable[str]) -> None:
         """Count rejected frames by reason."""

@@ -1,12 +1,150 @@
-"""Share of lost samples of a device, for all that state one: alarms and the fleet.
+"""Lost samples of a device: what counts as lost, from which cause, and their share, for all that state one.
 
-Lost samples are those that a counter shows. The share is that of all samples which this counter numbers: where several
-messages share it, of all of them together.
+Lost samples are those that a counter shows, as far as the device's clock agrees: a counter that moves together with a
+restarted clock, or further than the device sends in that time, restarted itself, and the number of lost samples is not
+known. The share is that of all samples which the counter numbers: where several messages share it, of all together.
+
+    cause      known by
+    request    a configuration or a pause on request lies in between
+    host       this host left bytes out because it could not decode them in time
+    wire       bytes in between failed their checks
+    network    possible: datagrams may be dropped anywhere on their way
+    link       possible: the line is nearly full
 """
 
 from collections import deque
+from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from imuscope.protocols.events import ClockStep, Event, Reply, SampleGap
+from imuscope.protocols.family.info import OutputChanges
 from imuscope.server import wire
+from imuscope.server.devices.device.event_reporter import EventReporter, LossCause
+from imuscope.server.devices.device.link_stats import LinkStatistics
+
+FULL_LINK_SHARE = 0.9  # share of a link's capacity above which it may be the cause of a gap
+LEFT_OUT_S = 10.0  # a gap this soon after bytes were left out is attributed to that
+NEIGHBOURS, MIN_NEIGHBOURS = 64, 8  # samples beside a gap from which a rate is taken
+MAX_INTERRUPTIONS = 64  # remembered while no frame arrives
+
+
+class LossReporter:
+    """Gaps of one device during one connection.
+
+    Args:
+        kind, capacity: of its link: wire.DeviceInfo.link, and the bytes/s that it can carry, None if unknown.
+
+    Attributes:
+        changes: notices replies that stop or change the output; None for a protocol without such replies.
+        last_time: host time of the last frame of the previous drain, unix s.
+        interruptions: on request since the last frame: position, and rank and reason.
+    """
+
+    def __init__(
+        self,
+        stats: LinkStatistics,
+        events: EventReporter,
+        now: Callable[[], float],
+        *,
+        kind: str,
+        capacity: float | None,
+    ) -> None:
+        self._stats, self._events, self._now = stats, events, now
+        self._kind, self._capacity = kind, capacity
+        self.changes: OutputChanges | None = None
+        self.last_time: float | None = None
+        self.interruptions: list[tuple[int, tuple[int, str]]] = []
+        self._explained: set[int] = set()  # positions of those that a counter has shown
+        self._last_offset = -1  # of the last frame of the previous drain
+        self._doubted = 0  # missing samples by a counter that its clock contradicts, not counted
+        self._resets: set[int] = set()  # positions at which the clock restarted, of this drain
+        self._offsets: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._hosts: NDArray[np.float64] = np.zeros(0)
+
+    def begin(self, events: Sequence[Event], offsets: NDArray[np.int64], hosts: NDArray[np.float64]) -> None:
+        """Begin a drain with these samples: (n,) positions, and host times (unix s), which do not decrease."""
+        if self.changes is not None:
+            replies = (event for event in events if isinstance(event, Reply))
+            reasons = ((one.offset, self.changes.observe(one)) for one in replies)
+            self.interruptions += [(offset, reason) for offset, reason in reasons if reason is not None]
+            del self.interruptions[:-MAX_INTERRUPTIONS]
+        self._resets = {event.offset for event in events if isinstance(event, ClockStep) and event.kind == "reset"}
+        self._offsets, self._hosts = offsets, hosts
+
+    def gap(self, gap: SampleGap, rejects: int) -> None:
+        """Count and report a gap of this drain, with so many damaged frames before it."""
+        if gap.missing < 0:
+            doubted = min(self._doubted, -gap.missing)
+            self._doubted -= doubted
+            self._stats.lost += gap.missing + doubted
+            self._stats.gaps -= 1
+            self._events.gap_withdrawn(gap)
+            return
+        self._stats.gaps += 1
+        offsets, hosts = self._offsets, self._hosts
+        at = int(np.searchsorted(offsets, gap.offset))
+        before = float(hosts[at - 1]) if 0 < at <= len(hosts) else self.last_time
+        # The first frame after the gap may have an older time (a GNSS solution): the gap ends at the first newer one.
+        newer = hosts[at:] if before is None else hosts[at:][hosts[at:] > before]
+        after = float(newer[0]) if len(newer) else gap.arrival_ns / 1e9
+        before = after if before is None else min(before, after)
+        rate = max(_rate(hosts[max(at - NEIGHBOURS, 0) : at]), _rate(hosts[at : at + NEIGHBOURS]))
+        if gap.offset in self._resets or not self._stats.can_be_lost(gap.missing, after - before, rate):
+            self._doubted += gap.missing
+            self._events.counter_restarted(gap, before, after, with_clock=gap.offset in self._resets)
+            return
+        self._stats.lost += gap.missing
+        begin = int(offsets[at - 1]) if 0 < at <= len(offsets) else self._last_offset
+        self._events.gap(gap, before, after, self._requested(begin, gap.offset) or self._cause(rejects))
+
+    def end(self) -> None:
+        """End a drain with samples; report pauses on request that no counter has shown."""
+        offsets, hosts = self._offsets, self._hosts
+        known = [one for one in self.interruptions if one[0] < offsets[-1] and one[0] not in self._explained]
+        for at in dict.fromkeys(int(np.searchsorted(offsets, offset)) for offset, _ in known):
+            before = float(hosts[at - 1]) if at else self.last_time
+            if before is not None and hosts[at] > before:
+                words = max(reason for offset, reason in known if np.searchsorted(offsets, offset) == at)[1]
+                self._stats.gaps += 1
+                self._events.pause(before, float(hosts[at]), words)
+        self._explained.clear()
+        self._last_offset = int(offsets[-1])
+        self.interruptions = [one for one in self.interruptions if one[0] > self._last_offset]
+        self.last_time = float(hosts[-1])
+
+    def _requested(self, begin: int, end: int) -> LossCause | None:
+        """Cause of a loss between two positions, if a user requested it."""
+        if self.changes is None:
+            return None
+        between = [(offset, reason) for offset, reason in self.interruptions if begin < offset < end]
+        self._explained.update(offset for offset, _ in between)
+        reasons = [reason for _, reason in between]
+        reasons += [self.changes.standing] if self.changes.standing is not None else []
+        return LossCause("request", max(reasons)[1]) if reasons else None
+
+    def _cause(self, rejects: int) -> LossCause:
+        """Cause of a loss, as far as it can be determined on this host; a cause that is only possible is called so."""
+        if self._now() - self._stats.left_out_at < LEFT_OUT_S:
+            return LossCause("host", "this host could not decode them in time and left bytes out.")
+        if rejects:
+            return LossCause("wire", "bytes in between failed their checks, so they were damaged on their way here.")
+        if self._kind == "udp":
+            return LossCause("network", "datagrams did not arrive. The network, this host or the device dropped them.")
+        load = self._stats.bytes.rate(self._now()) / self._capacity if self._capacity else 0.0
+        if load >= FULL_LINK_SHARE:
+            words = (
+                f"possibly because the line is at {100 * load:.0f} % of its capacity. Lower a rate or raise the baud."
+            )
+            return LossCause("link", words)
+        return LossCause("unknown", "the cause is unknown; nothing damaged was received.")
+
+
+def _rate(times: NDArray[np.float64]) -> float:
+    """Rate of these samples, 1/s; 0 if they are too few."""
+    span = float(times[-1] - times[0]) if len(times) >= MIN_NEIGHBOURS else 0.0
+    return (len(times) - 1) / span if span > 0 else 0.0
 
 
 class LossWindow:

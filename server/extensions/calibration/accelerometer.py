@@ -38,6 +38,7 @@ from imuscope.server.extensions.calibration.report import (
 )
 
 STANDARD_GRAVITY = 9.80665
+GRAVITY_SHARE = 0.0015  # standard deviation of 9.780 to 9.832 m/s², each as likely, as a share
 HOLD_S = 2.0  # besides the second that the hand needs to let go
 MARGIN_S = 0.3
 MIN_COSINE = np.cos(np.radians(30.0))
@@ -90,10 +91,7 @@ def six_positions(
         )
         return report
     used = [one for one in positions if one.seconds >= HOLD_S]
-    if square:
-        _fill_square(report, used, gravity or STANDARD_GRAVITY)
-    else:
-        _fill_free(report, used, gravity or STANDARD_GRAVITY)
+    (_fill_square if square else _fill_free)(report, used, gravity or STANDARD_GRAVITY, is_known=gravity > 0)
     if report.correction is not None and not gravity:
         report.notes.append(
             f"Gravity was taken as {STANDARD_GRAVITY} m/s². It is 9.780 to 9.832 m/s²; the scale is as uncertain."
@@ -125,7 +123,7 @@ def _advice(missing: list[str], now: int, seconds: list[float], is_still: bool) 
     return f"Put the sensor down with {missing[0]} pointing up."
 
 
-def _fill_free(report: CalibrationReport, used: list[RestOnSide], gravity: float) -> None:
+def _fill_free(report: CalibrationReport, used: list[RestOnSide], gravity: float, *, is_known: bool) -> None:
     """Bias and scale from magnitudes: Gauss-Newton on |s · (m − b)| − g."""
     means = np.array([one.mean for one in used])
     bias, scale = _start(used, gravity)
@@ -147,11 +145,22 @@ def _fill_free(report: CalibrationReport, used: list[RestOnSide], gravity: float
     spare = len(used) - 6
     scatter = float(residual @ residual) / spare if spare else 0.0
     covariance = inverse @ np.diag(np.square(noise) + scatter) @ inverse.T
-    _finish(report, used, gravity, bias, np.diag(scale), np.sqrt(np.diagonal(covariance)), is_free=spare == 0)
+    words = "± holds for axes that are square to each other and a bias that stays: six rests cannot show otherwise."
+    _finish(
+        report,
+        used,
+        gravity,
+        bias,
+        np.diag(scale),
+        np.sqrt(np.diagonal(covariance)),
+        is_free=spare == 0,
+        is_known=is_known,
+        presupposes="" if spare else words,
+    )
     report.notes.append("Misalignment of the axes is not determined by magnitudes, and left out.")
 
 
-def _fill_square(report: CalibrationReport, used: list[RestOnSide], gravity: float) -> None:
+def _fill_square(report: CalibrationReport, used: list[RestOnSide], gravity: float, *, is_known: bool) -> None:
     """Bias, scale and misalignment from the axes of the housing: linear."""
     means = np.array([one.mean for one in used])
     rows = np.concatenate((np.ones((len(used), 1)), gravity * AXIS_VECTORS[[one.side for one in used]]), axis=1)
@@ -168,7 +177,18 @@ def _fill_square(report: CalibrationReport, used: list[RestOnSide], gravity: flo
         return
     sigma = spread * np.sqrt(np.diagonal(np.linalg.inv(rows.T @ rows)))
     both = np.concatenate((np.full(3, sigma[0]), sigma[1:]))
-    _finish(report, used, gravity, bias, np.linalg.inv(response), both, is_free=False)
+    words = "± holds for sides that are square and a table that is level."
+    _finish(
+        report,
+        used,
+        gravity,
+        bias,
+        np.linalg.inv(response),
+        both,
+        is_free=False,
+        is_known=is_known,
+        presupposes=words,
+    )
     report.figures.append(figure("placement", "Placement", placement, "°"))
 
 
@@ -190,6 +210,8 @@ def _finish(
     sigma: Floats,
     *,
     is_free: bool,
+    is_known: bool,
+    presupposes: str,
 ) -> None:
     """Fill in the result, or refuse an implausible one."""
     off = float(np.abs(np.diagonal(matrix) - 1).max())
@@ -204,7 +226,8 @@ def _finish(
         bias=bias.tolist(),
         bias_uncertainty=sigma[:3].tolist(),
         matrix=matrix.tolist(),
-        matrix_uncertainty=float(sigma[3:].max()),
+        matrix_uncertainty=float(np.hypot(sigma[3:].max(), 0.0 if is_known else GRAVITY_SHARE)),
+        presupposes=presupposes,
     )
     means = np.array([one.mean for one in used])
     raw = np.linalg.norm(means, axis=1)

@@ -115,6 +115,7 @@ def _for_people(calibration: Calibration) -> str:
         f"{report.kind} of {calibration.device}: corrected = matrix · (measured − bias)",
         "",
         *_numbers(result),
+        *([result.presupposes] if result.presupposes else []),
         "",
     ]
     width = max((len(one.title) for one in report.figures), default=0)

@@ -66,6 +66,7 @@ def _yaml(report: CalibrationReport, device: str) -> str:
         "    rows: 3",
         "    cols: 1",
         f"    data: [{', '.join(map(_number, result.bias))}]",
+        *([f"  # {result.presupposes}"] if result.presupposes else []),
         f"  bias_sigma: [{', '.join(map(_number, result.bias_uncertainty))}]",
         "  matrix:",
         "    rows: 3",
@@ -78,13 +79,14 @@ def _yaml(report: CalibrationReport, device: str) -> str:
 def _csv(report: CalibrationReport, device: str) -> str:
     del device
     result = _result(report)
-    lines = ["name,value,uncertainty,unit"]
+    lines = ["name,value,uncertainty,unit,presupposes"]
+    words = f'"{result.presupposes}"' if result.presupposes else ""
     for k, axis in enumerate("xyz"):
         sigma = _number(result.bias_uncertainty[k])
-        lines.append(f"bias_{axis},{_number(result.bias[k])},{sigma},{result.unit}")
+        lines.append(f"bias_{axis},{_number(result.bias[k])},{sigma},{result.unit},{words}")
     for i, row in enumerate(result.matrix):
         for j, cell in enumerate(row):
-            lines.append(f"matrix_{'xyz'[i]}{'xyz'[j]},{_number(cell)},{_number(result.matrix_uncertainty)},")
+            lines.append(f"matrix_{'xyz'[i]}{'xyz'[j]},{_number(cell)},{_number(result.matrix_uncertainty)},,{words}")
     return "\n".join(lines) + "\n"
 
 

@@ -93,7 +93,8 @@ def _gyroscope(
 ) -> CalibrationReport:
     del triads, options
     return gyroscope_bias(
-        samples["gyroscope"], samples.get("accelerometer", NO_SAMPLES), samples.get(TEMPERATURE, NO_SAMPLES)
+        samples["gyroscope"],
+        *(samples.get(name, NO_SAMPLES) for name in ("accelerometer", TEMPERATURE, "magnetometer")),
     )
 
 
@@ -121,7 +122,13 @@ def _mounting(
 METHODS: Mapping[str, CalibrationMethod] = {
     one.kind: one
     for one in (
-        CalibrationMethod("gyroscope", "Gyroscope bias", "gyroscope", _gyroscope, uses=("accelerometer", TEMPERATURE)),
+        CalibrationMethod(
+            "gyroscope",
+            "Gyroscope bias",
+            "gyroscope",
+            _gyroscope,
+            uses=("accelerometer", TEMPERATURE, "magnetometer"),
+        ),
         CalibrationMethod("magnetometer", "Magnetometer", "magnetometer", _magnetometer),
         CalibrationMethod("accelerometer", "Accelerometer", "accelerometer", _accelerometer, uses=("gyroscope",)),
         CalibrationMethod("mounting", "Mounting rotation", "accelerometer", _mounting, needs=("gyroscope",)),
@@ -179,7 +186,7 @@ def _fault(triads: Mapping[str, Triad], samples: Mapping[str, Samples]) -> Calib
     """A fault in the samples of a sensor that was used."""
     for name, triad in triads.items():
         own = samples.get(name, NO_SAMPLES)
-        if name == TEMPERATURE or not own.rate:
+        if name in (TEMPERATURE, "magnetometer" if "gyroscope" in triads else "") or not own.rate:
             continue
         for at, axis in enumerate("xyz"):
             for _, message, hint in stuck_or_clipped(own.values[:, at], own.rate, triad.unit):

@@ -9,7 +9,7 @@ makes it a sphere. S is symmetric because magnitudes do not show a rotation; F k
 
     1  algebraic      a quadric through the points, by least squares: a start, and a test for an ellipsoid
     2  geometric      Gauss-Newton on |S (m − b)| − F, in units of the signal
-    3  uncertainty    of the parameters, from the scatter of the residuals of each second (they are not independent)
+    3  uncertainty    of the parameters, from the scatter of residuals of each second, or of four
     4  judgement      cells of directions seen, condition of the problem, error in the worst direction
 
 Samples are thinned to the same number in every cell of directions, so that a rest does not outvote a turn.
@@ -50,7 +50,7 @@ MAX_ERROR = 0.03  # of the field, in the worst direction: 1.7°
 MAX_RESIDUAL = 0.1  # of the field after the fit
 PER_CELL = 40
 PROVISIONAL_SAMPLES = 400  # samples for the provisional centre
-CLUSTER_S = 1.0
+CLUSTERS_S = (1.0, 4.0)  # residuals are not independent within them
 TRACE_POINTS = 240
 MAX_ITERATIONS = 30
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -171,6 +171,7 @@ def _fill(report: CalibrationReport, fit: Ellipsoid, own: Samples, samples: Samp
         bias_uncertainty=sigma[:3].tolist(),
         matrix=matrix.tolist(),
         matrix_uncertainty=float(strength * sigma[3:].max()),
+        presupposes="± holds for an even field that did not change while the sensor was turned.",
     )
     raw = np.linalg.norm(own.values, axis=1)
     corrected = np.linalg.norm((own.values - fit.centre) @ matrix, axis=1)
@@ -322,18 +323,20 @@ def _residuals(values: Floats, parameters: Floats) -> tuple[Floats, Floats]:
 
 
 def _covariance(rows: Floats, residuals: Floats, time: Floats) -> Floats:
-    """Of the parameters: the larger of the one for independent residuals and the one for clusters of a second."""
+    """Of the parameters: the largest of the one for independent residuals and those for clusters of some lengths."""
     inverse = np.linalg.inv(rows.T @ rows)
     n, p = rows.shape
     plain = np.asarray(inverse * float(residuals @ residuals) / max(n - p, 1), np.float64)
     scores = rows * residuals[:, None]
-    _, place = np.unique(np.floor(time / CLUSTER_S), return_inverse=True)
-    sums = np.stack([np.bincount(place, scores[:, k]) for k in range(p)], axis=1)
-    count = len(sums)
-    if count <= p + 1:
-        return plain
-    robust = inverse @ (sums.T @ sums) @ inverse * count / (count - p)
-    grown = np.sqrt(np.maximum(np.diagonal(robust) / np.maximum(np.diagonal(plain), 1e-300), 1.0))
+    grown = np.ones(p)
+    for length in CLUSTERS_S:
+        _, place = np.unique(np.floor(time / length), return_inverse=True)
+        sums = np.stack([np.bincount(place, scores[:, k]) for k in range(p)], axis=1)
+        count = len(sums)
+        if count <= p + 1:
+            break
+        robust = inverse @ (sums.T @ sums) @ inverse * count / (count - p)
+        grown = np.maximum(grown, np.sqrt(np.diagonal(robust) / np.maximum(np.diagonal(plain), 1e-300)))
     covariance: Floats = plain * np.outer(grown, grown)
     return covariance
 

@@ -6,10 +6,16 @@ as a drive begins forwards. The matrix turns vectors of the sensor into the axes
 
     up     x forward, y left, z up          down     x forward, y right, z down
 
-The ground's slope is not seen, and turns the result as much.
+An even speed looks like rest, and braking from it like a drive backwards, so a drive lasts until its speed is 0 again:
+
+    speed          0  rising  even  falling  0        one drive, from the first rest to the second,
+    looks like     rest      rest      rest           not two, of which the second begins at speed
+
+Drives that contradict each other are refused. The ground's slope is not seen, and turns the result as much.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -41,6 +47,8 @@ SPEED_CHANGE = 4.0  # m/s: to 2 m/s and back to rest
 MAX_TURN = 5.0  # °
 MAX_UNCERTAINTY = 2.0  # °
 LONGEST_S = 60.0
+MAX_END_SPEED = 0.5  # of the highest speed of a drive: the slope of the ground adds to its integral
+MIN_SPEED = 0.5  # m/s: a drive has more
 BLOCK_STEPS = 5  # half a second: vibration within it counts as one
 GRAVITY_RANGE = (9.0, 10.6)  # m/s²
 
@@ -73,7 +81,7 @@ def mounting_rotation(force: Samples, turn: Samples, vertical: VerticalAxis = "u
     """
     forces, turns = step_means(force), step_means(turn)
     rest = stillness(turns, forces)
-    fits = _fits(forces, turns, rest.runs)
+    fits, is_open = _fits(forces, turns, rest.runs)
     best = max(fits, key=_quality, default=None)
     longest = max((run.seconds for run in rest.runs), default=0.0)
     rested = best.rest_s if best else longest
@@ -89,7 +97,10 @@ def mounting_rotation(force: Samples, turn: Samples, vertical: VerticalAxis = "u
         turn=turned,
         turn_allowed=MAX_TURN,
     )
-    report.refusal = _refusal(rested, best, forces)
+    sound = [one for one in fits if _quality(one)[:2] == (True, True)]
+    if best in sound:
+        best = _with_spread(best, sound)
+    report.refusal = _refusal(rested, best, forces, is_open=is_open) or _contradiction(sound)
     if report.refusal is not None or best is None:
         report.progress = min(report.progress, 0.95)
         return report
@@ -109,6 +120,8 @@ def _fill(report: CalibrationReport, best: DriveFit, vertical: VerticalAxis) -> 
         bias_uncertainty=[0.0, 0.0, 0.0],
         matrix=matrix.tolist(),
         matrix_uncertainty=float(max(best.up_sigma, best.forward_sigma)),
+        presupposes="± holds for level ground, as a slope of 1° turns roll or pitch by 1°, and for a drive that begins "
+        "forwards, from rest; else yaw is off by 180°.",
     )
     report.figures = [
         figure("roll", "Roll", roll, "°", tilt),
@@ -120,23 +133,52 @@ def _fill(report: CalibrationReport, best: DriveFit, vertical: VerticalAxis) -> 
     axes = "x forward, y left, z up" if vertical == "up" else "x forward, y right, z down"
     report.notes = [
         f"The matrix turns vectors of the sensor into the axes of the vehicle: {axes}.",
-        "The ground was taken as level: a slope of 1° turns roll or pitch by 1°.",
-        "The drive was taken to begin forwards.",
     ]
 
 
-def _fits(forces: StepMeans, turns: StepMeans, runs: list[RestRun]) -> list[DriveFit]:
-    fits = []
-    for number, run in enumerate(runs):
-        if run.seconds < REST_S or not len(forces):
+def _fits(forces: StepMeans, turns: StepMeans, runs: Sequence[RestRun]) -> tuple[list[DriveFit], bool]:
+    """Fits of all drives that begin and end at rest, or go on; and whether one seems to rest at another speed only."""
+    fits, is_open, number = [], False, 0
+    runs = [run for run in runs if run.seconds >= REST_S] if len(forces) else []
+    while number < len(runs):
+        run = runs[number]
+        later = [n for n in range(number + 1, len(runs)) if runs[n].begin <= run.end + LONGEST_S]
+        ends = [n for n in later if _is_at_rest(forces, run, runs[n].begin)]
+        number += 1
+        if later and not ends:  # that, or the rest before, is a coast
+            is_open = True
             continue
-        # an even speed looks like rest, but a drive has seldom much of it
-        later = (one.begin for one in runs[number + 1 :] if one.seconds >= REST_S)
-        end = min(next(later, float(forces.time[-1])) + 0.5, run.end + LONGEST_S)
-        fit = _fit(forces, turns, run, end)
+        end = float(forces.time[-1])
+        if ends:
+            end, number = runs[ends[0]].begin + 0.5, ends[0]
+        fit = _fit(forces, turns, run, min(end, run.end + LONGEST_S))
         if fit is not None:
             fits.append(fit)
-    return fits
+    return fits, is_open
+
+
+def _is_at_rest(forces: StepMeans, run: RestRun, time: float) -> bool:
+    """Whether a drive that began in a rest is back at its speed then."""
+    mean = within(forces, run, 0.3).means.mean(axis=0)
+    added = within(forces, RestRun(run.end - 1.0, time)).means - mean
+    speeds = np.linalg.norm(np.cumsum(added, axis=0), axis=1) * forces.step
+    return not len(speeds) or bool(speeds[-1] <= max(MIN_SPEED, MAX_END_SPEED * speeds.max()))
+
+
+def _with_spread(best: DriveFit, fits: Sequence[DriveFit]) -> DriveFit:
+    """The best fit; its uncertainty contains half of its distance to any of the others, apart from their sign."""
+    cosines = [abs(float(best.forward @ one.forward)) for one in fits]
+    spread = max(float(np.arccos(min(one, 1.0))) for one in cosines) / 2
+    return replace(best, forward_sigma=max(best.forward_sigma, spread))
+
+
+def _contradiction(fits: Sequence[DriveFit]) -> CalibrationRefusal | None:
+    if all(float(fits[0].forward @ one.forward) > 0 for one in fits[1:]):
+        return None
+    return CalibrationRefusal(
+        message="Two drives contradict each other: where one begins forwards, the other begins backwards.",
+        hint="Choose a range with one drive that begins forwards from rest.",
+    )
 
 
 def _fit(forces: StepMeans, turns: StepMeans, run: RestRun, end: float) -> DriveFit | None:
@@ -165,20 +207,28 @@ def _fit(forces: StepMeans, turns: StepMeans, run: RestRun, end: float) -> Drive
     # vibration is not independent from step to step, so that blocks are
     blocks = [slice(k, k + BLOCK_STEPS) for k in range(0, len(along), BLOCK_STEPS)]
     scores = sum(float(along[block] @ across[block]) ** 2 for block in blocks)
+    powers = np.array([float(along[block] @ along[block]) for block in blocks])
     turned = _turned(turns, run, end, up)
-    slope = np.sqrt(scores) / power if power else np.inf
+    slope = _student(power**2 / float(powers @ powers)) * np.sqrt(scores) / power if power else np.inf
     # of half seconds, and without the small ones, so that vibration does not count as a change of speed
     changes = np.abs([float(along[block].sum()) * step for block in blocks])
     change = float(changes[changes > 0.05].sum())
     return DriveFit(
         run.seconds,
         up,
-        float(np.linalg.norm(sigma)) / size,
+        float(np.sqrt(np.square(sigma).mean())) / size,
         forward,
         float(np.hypot(slope, np.radians(turned) / np.sqrt(12))),
         change,
         turned,
     )
+
+
+def _student(count: float) -> float:
+    """Factor by which an interval of 95 % grows because its scatter is known from so many blocks only."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(count - 1, 1.0), 0.975)) / 1.96
 
 
 def _turned(turns: StepMeans, run: RestRun, end: float, up: Floats) -> float:
@@ -206,7 +256,7 @@ def _advice(rested: float, change: float, turned: float) -> str:
     return "Done: the drive was straight and strong enough."
 
 
-def _refusal(rested: float, best: DriveFit | None, forces: StepMeans) -> CalibrationRefusal | None:
+def _refusal(rested: float, best: DriveFit | None, forces: StepMeans, *, is_open: bool) -> CalibrationRefusal | None:
     if rested < REST_S:
         return CalibrationRefusal(
             message=f"The rest before the drive lasted {rested:.1f} s; {REST_S:.0f} s are needed.",
@@ -217,6 +267,11 @@ def _refusal(rested: float, best: DriveFit | None, forces: StepMeans) -> Calibra
         return CalibrationRefusal(
             message=f"The accelerometer shows {strength:.2f} m/s² of gravity, which is not there on Earth.",
             hint="Calibrate the accelerometer first.",
+        )
+    if is_open:
+        return CalibrationRefusal(
+            message="The drive does not end at rest: the speed did not change back before the sensor seemed to rest.",
+            hint="Begin and end at rest: stand still, drive straight ahead, brake, and stand still again.",
         )
     if best is None or best.speed_change < SPEED_CHANGE:
         change = best.speed_change if best else 0.0

@@ -49,6 +49,7 @@ class SensorCorrection(BaseModel):
     bias_uncertainty: Vector = Field(description="standard uncertainties (1 σ), in `unit`")
     matrix: list[Vector] = Field(description="three rows")
     matrix_uncertainty: float = Field(description="the largest standard uncertainty (1 σ) of its elements")
+    presupposes: str = Field(description="a sentence: what the uncertainties hold for; shown beside them")
 
 
 class DirectionCoverage(BaseModel):

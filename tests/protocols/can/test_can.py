@@ -159,7 +159,7 @@ def test_missing_groups_are_counted() -> None:
 def test_a_restart_of_the_device_is_a_step() -> None:
     events = stream(*(sample(n) for n in (1000, 1001, 1002, 0, 1, 2)))
     [step] = [event for event in events if isinstance(event, ClockStep)]
-    assert (step.kind, step.by_ns) == ("reset", -10_020_000_000)
+    assert (step.kind, step.by_ns) == ("reset", -10_030_000_000)
 
 
 def test_high_rate_messages_are_apart() -> None:

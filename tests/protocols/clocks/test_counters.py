@@ -81,7 +81,7 @@ def test_arrival_times_distinguish_jumps_from_outages() -> None:
     assert outage.ticks(raw, late).tolist() == raw.tolist()
     assert outage.steps == []
     assert jump.ticks(raw, np.arange(5) * 10**7 + EPOCH_NS).tolist() == raw.tolist()
-    assert jump.steps == [(3, "jump", 600_000)]
+    assert jump.steps == [(3, "jump", 599_900)]
 
 
 @given(st.lists(st.integers(0, FULL - 1), max_size=60), st.lists(st.integers(1, 9), max_size=30))

@@ -1,4 +1,4 @@
-"""Messages of GNSS receivers: a log of them, and a recording of the same bytes, have one clock, date, rate and count."""
+"""Messages of GNSS receivers: a log of them and a recording of the same bytes have one clock, date and rate."""
 
 import struct
 from collections.abc import Callable

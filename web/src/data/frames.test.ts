@@ -71,7 +71,7 @@ describe("a choice of frame", () => {
           apply(frameChange(info("euler", from, ["x", "y", "z"]), from, to), angles, 360),
           6,
         );
-        const q: Quaternion = [0.5, -0.1, 0.7, 0.2];
+        const q: Quaternion = [0.5, -0.5, 0.7, 0.1];
         const turned = apply(
           frameChange(info("quaternion", `${from} from body`, ["w", "x", "y", "z"]), from, to),
           q,

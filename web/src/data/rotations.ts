@@ -26,6 +26,8 @@ export type Matrix3 = readonly [number, number, number, number, number, number, 
 export type Numbers = ArrayLike<number>;
 
 const DEGREE = Math.PI / 180;
+/** Of a norm: float32 and slow filters stay far below; beyond it an attitude is off by a degree. */
+const UNIT_TOLERANCE = 0.01;
 /** Half a thousandth of a degree: nearer to ±90° than this, float32 elements say nothing about roll and yaw apart. */
 const GIMBAL = 1 - 1e-11;
 const HALF = Math.SQRT1_2;
@@ -68,9 +70,10 @@ export function vectorIn(v: Vector3, from: WorldFrame, to: WorldFrame): Vector3 
   }
 }
 
-/** Frame from body as a matrix; NaN throughout for a quaternion without length. */
+/** Frame from body as a matrix; NaN throughout for a quaternion whose norm is not 1. */
 export function matrixOfQuaternion([w, x, y, z]: Quaternion): Matrix3 {
-  const s = 2 / (w * w + x * x + y * y + z * z);
+  const squares = w * w + x * x + y * y + z * z;
+  const s = Math.abs(Math.sqrt(squares) - 1) <= UNIT_TOLERANCE ? 2 / squares : NaN;
   return [
     1 - s * (y * y + z * z),
     s * (x * y - w * z),

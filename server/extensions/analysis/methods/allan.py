@@ -31,6 +31,7 @@ from imuscope.server.extensions.analysis.noise.thermal_drift import ThermalDrift
 from imuscope.server.extensions.analysis.signals.rest import rest_of
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
 from imuscope.server.extensions.analysis.signals.signals import Signal
+from imuscope.server.extensions.analysis.signals.units import rounded
 
 MIN_SAMPLES = 9
 MOTION = ("exclude", "include")
@@ -49,7 +50,7 @@ def run(signal: Signal, options: Settings) -> Result:
     if MOTION[int(options["motion"])] == "exclude" and longest >= MIN_SAMPLES:
         runs, left_out = list(rest.runs), rest.moving
         if left_out:
-            notes.append(f"{left_out:.4g} s of motion left out, {100 * left_out / rest.whole:.0f} % of the range.")
+            notes.append(f"{rounded(left_out)} s of motion left out, {100 * left_out / rest.whole:.0f} % of the range.")
     longest = max(part.stop - part.start for part in runs)
     if longest < MIN_SAMPLES:
         hint = f"At least {MIN_SAMPLES} samples without a gap are needed. Request a longer range."
@@ -66,6 +67,10 @@ def run(signal: Signal, options: Settings) -> Result:
     measured = Measured(signal, values, sampling, replace(rest, runs=runs), curve, model)
     problems = obstacles(measured)
     ramp = "" if problems else _ramp_note(model, signal.unit)
+    if not problems:
+        level = measured.regularity.level
+        may_change = measured.slow.is_suspected
+        model = model.widened((level.low, level.high) if level else (1.0, 1.0), may_change=may_change)
     if not problems and not ramp and measured.slow.is_suspected:
         ramp = f"The bias may follow {measured.slow.words}; then K and B contain it. Record longer to find out."
     sheet = signal.data_sheet
@@ -134,7 +139,7 @@ def _ramp_note(model: NoiseModel, unit: str) -> str:
     if part < whole / np.sqrt(1 + 1 / DRIFT_RATIO**2):
         return ""
     drift = f"{ramp.value * 3600:.3g} {unit}/h".strip()
-    drifts = f"The bias drifts by {drift}: averaging times near {tau[0]:.3g} s show the drift."
+    drifts = f"The bias drifts by {drift}: averaging times near {rounded(tau[0])} s show the drift."
     return f"{drifts} A sensor that warms up is one cause."
 
 

@@ -15,7 +15,7 @@ from imuscope.protocols.family.sensor_properties import SensorProperties
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve, intervals
 from imuscope.server.extensions.analysis.noise.noise_model import FLAT, TAIL_PROBABILITY, NoiseModel
 from imuscope.server.extensions.analysis.signals.signals import DataSheetNoise
-from imuscope.server.extensions.analysis.signals.units import G, Unit
+from imuscope.server.extensions.analysis.signals.units import G, Unit, rounded
 from imuscope.server.wire import ChannelInfo
 
 TOLERANCE = math.sqrt(2)
@@ -105,7 +105,7 @@ def _bias(sheet: DataSheetNoise, unit: str, curve: AllanCurve, model: NoiseModel
     lowest, surest = int(curve.adev.argmin()), int(high.argmin())
     figure, of = sheet.bias_instability, _sheet_bias(sheet, unit)
     if float(high[surest]) <= figure:
-        shown = f"{_of_bias(float(curve.adev[surest]), unit)} at {float(curve.tau[surest]):.3g} s"
+        shown = f"{_of_bias(float(curve.adev[surest]), unit)} at {rounded(float(curve.tau[surest]))} s"
         words = f"Bias instability: the curve comes down to {shown} and so meets {of}."
         return _verdict("bias_instability", "met", words)
     flat = model.parameters["bias_instability"]
@@ -117,7 +117,7 @@ def _bias(sheet: DataSheetNoise, unit: str, curve: AllanCurve, model: NoiseModel
         return _verdict("bias_instability", "above", words)
     tau, shown = float(curve.tau[lowest]), _of_bias(float(curve.adev[lowest]), unit)
     if float(curve.tau[-1]) < MIN_TAU_RATIO * tau:
-        falls = f"the curve still falls at {tau:.3g} s, to {shown}"
+        falls = f"the curve still falls at {rounded(tau)} s, to {shown}"
         sentence = f"Bias instability: {falls}. Record longer to compare with {of}."
         return _verdict("bias_instability", "open", sentence)
     if drifts:
@@ -125,9 +125,9 @@ def _bias(sheet: DataSheetNoise, unit: str, curve: AllanCurve, model: NoiseModel
         return _verdict("bias_instability", "open", sentence)
     if float(low[lowest]) > figure * TOLERANCE:
         times = _times(float(curve.adev[lowest]) / figure)
-        sentence = f"Bias instability {shown} at {tau:.3g} s: {times} times {of}."
+        sentence = f"Bias instability {shown} at {rounded(tau)} s: {times} times {of}."
         return _verdict("bias_instability", "above", sentence)
-    sentence = f"Bias instability {shown} at {tau:.3g} s: near the limit of {of}. Record longer to decide."
+    sentence = f"Bias instability {shown} at {rounded(tau)} s: near the limit of {of}. Record longer to decide."
     return _verdict("bias_instability", "open", sentence)
 
 
@@ -143,11 +143,6 @@ def _verdict(parameter: str, state: State, words: str) -> Mapping[str, str]:
     return {"parameter": parameter, "state": state, "words": words}
 
 
-def _figure(value: float) -> str:
-    """Three digits, without a power of ten below a million."""
-    return f"{value:.0f}" if 100 <= value < 1e6 else f"{value:.3g}"
-
-
 def _times(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
 
@@ -156,13 +151,13 @@ def _of_walk(value: float, unit: str) -> str:
     """A random walk in the units of data sheets: °/√h, or m/s/√h."""
     own = Unit.parse(unit)
     if own.fits(TURN):
-        return f"{_figure(value * own.to(TURN) * 60)} °/√h"
-    return f"{_figure(value * own.to(ACCELERATION) * 60)} m/s/√h"
+        return f"{rounded(value * own.to(TURN) * 60)} °/√h"
+    return f"{rounded(value * own.to(ACCELERATION) * 60)} m/s/√h"
 
 
 def _of_bias(value: float, unit: str) -> str:
     """A bias instability in the units of data sheets: °/h, or µg."""
     own = Unit.parse(unit)
     if own.fits(TURN):
-        return f"{_figure(value * own.to(TURN) * 3600)} °/h"
-    return f"{_figure(value * own.to(ACCELERATION) / MICRO_G)} µg"
+        return f"{rounded(value * own.to(TURN) * 3600)} °/h"
+    return f"{rounded(value * own.to(ACCELERATION) / MICRO_G)} µg"

@@ -2,9 +2,9 @@
 
     lines     peaks of the power spectral density, with their part of the Allan variance; vibration, its images at a
               rate too low for it, a swing
-    slow      a sine with less than some periods in the range, or a drift that ends: fitted to means of blocks, against
-              errors of white noise and random walk (thermal_drift.py), so that a bias that wanders by
-              itself is neither
+    slow      a sine with less than some periods in the range, a drift that ends, or a bias that steps and may step
+              back: fitted to means of blocks, against errors of white noise and random walk (thermal_drift.py), so that
+              a bias that wanders by itself is none of them
 
 Allan variance of a line of rms r and frequency f, of samples at a rate s and m samples averaged:
 
@@ -25,6 +25,7 @@ from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve
 from imuscope.server.extensions.analysis.noise.thermal_drift import WALK_SHARES, blocks_of
 from imuscope.server.extensions.analysis.noise.welch import Segments, mean_spectrum, segments_for
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
+from imuscope.server.extensions.analysis.signals.units import rounded
 
 FALSE_ALARM = 1e-8  # of all bins
 LINE_VARIANCE_SHARE = 0.1  # of the Allan variance at some averaging time: a line with less changes little
@@ -34,6 +35,8 @@ SMOOTHED_PARTS = 60  # parts of a spectrum
 MIN_BLOCKS = 24
 SIGNIFICANT_LIKELIHOOD = 24.0  # 2 ln of the likelihood ratio: one of 100 random walks reaches it with 27 shapes
 SUSPECT_LIKELIHOOD = 14.0  # one of 7 reaches it: no reason to refuse, but to be careful with what a walk resembles
+STEP = "a step"
+MORE_STEPS = 8.0  # by how much steps, of which there are far more shapes, must be more likely
 PERIODS = np.arange(1, 25) / 2  # in the range
 END_TIME_CONSTANTS = (0.05, 0.15, 0.4)  # time constants of a drift that ends, as parts of the range
 WELCH = {"length": 0.0, "overlap": 0.5, "window": 0.0, "detrend": 0.0}
@@ -147,10 +150,10 @@ def slow_change(time: Floats, values: Floats, runs: Sequence[slice]) -> SlowChan
     means = np.array([values[block].mean() for block in blocks])
     span = float(time[-1] - time[0])
     since = (centres - centres[0]) / (centres[-1] - centres[0])
-    shapes = [(f"a swing with a period of {span / k:.3g} s", _sine(since, k)) for k in PERIODS.tolist()]
+    shapes = [(f"a swing with a period of {rounded(span / k)} s", _sine(since, k)) for k in PERIODS.tolist()]
     shapes += [("a drift that slows down", np.exp(-since / part)[:, None]) for part in END_TIME_CONSTANTS]
     significance = [(_significance(since, means, shape), words) for words, shape in shapes]
-    best, words = max(significance)
+    best, words = max([*significance, (_step_significance(since, means) - MORE_STEPS, STEP)])
     return SlowChange(words, best > SIGNIFICANT_LIKELIHOOD, best > SUSPECT_LIKELIHOOD)
 
 
@@ -171,6 +174,27 @@ def _significance(since: Floats, means: Floats, shape: Floats) -> float:
         for at, design in enumerate((line, np.hstack([line, shape]))):
             rest = max(_rest(root @ design, right), 1e-300)
             best[at] = max(best[at], -count * math.log(rest) - log)
+    return best[1] - best[0]
+
+
+def _step_significance(since: Floats, means: Floats) -> float:
+    """As `_significance`, of the step, or step and step back, between blocks that fits best."""
+    count = len(means)
+    line = np.stack([np.ones(count), since], axis=1)
+    steps = np.tri(count)[:, 1:]  # from each block on
+    best = [-math.inf, -math.inf]
+    for root, log in _roots(since.tobytes()):
+        q, _ = np.linalg.qr(root @ line)
+        right, columns = root @ means, root @ steps
+        right, columns = right - q @ (q.T @ right), columns - q @ (q.T @ columns)
+        # one step, and the difference of two: gains of both follow from products of single ones
+        parts, squares = np.append(columns.T @ right, 0.0), np.pad(columns.T @ columns, (0, 1))
+        own = np.diagonal(squares)
+        size = np.maximum(own[:, None] + own - 2 * squares, 1e-9 * own.max())
+        gain = float((np.square(parts[:, None] - parts) / size).max())
+        whole = float(right @ right)
+        for at, rest in enumerate((whole, whole - gain)):
+            best[at] = max(best[at], -count * math.log(max(rest, 1e-9 * whole, 1e-300)) - log)
     return best[1] - best[0]
 
 

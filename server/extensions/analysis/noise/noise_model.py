@@ -106,6 +106,18 @@ class NoiseModel:
         total: Floats = np.sqrt(np.sum(terms, axis=0))
         return total
 
+    def widened(self, level: tuple[float, float], *, may_change: bool) -> "NoiseModel":
+        """The model with intervals that contain more.
+
+        Args:
+            level: standard deviations of the quietest and loudest part, as shares of that of all.
+            may_change: what looks like a bias that wanders may be a swing or a step.
+        """
+        parameters = {name: one if not may_change else replace(one, low=0.0) for name, one in self.parameters.items()}
+        walk = self.parameters["random_walk"]
+        parameters["random_walk"] = replace(walk, low=walk.low * level[0], high=walk.high * level[1])
+        return replace(self, parameters={**parameters, "quantisation": self.parameters["quantisation"]})
+
 
 def fit_noise(curve: AllanCurve) -> NoiseModel:
     """The model with the fewest terms that fits a curve as well as all of them do.

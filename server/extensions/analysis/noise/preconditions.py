@@ -19,6 +19,7 @@ from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve
 from imuscope.server.extensions.analysis.noise.disturbances import (
+    STEP,
     SlowChange,
     Spectrum,
     bandwidth,
@@ -28,14 +29,16 @@ from imuscope.server.extensions.analysis.noise.disturbances import (
 )
 from imuscope.server.extensions.analysis.noise.noise_model import NoiseModel
 from imuscope.server.extensions.analysis.noise.sample_quality import sample_faults
+from imuscope.server.extensions.analysis.noise.steadiness import MAX_SKEWNESS, MAX_TAIL, MIN_FLATNESS, Regularity
 from imuscope.server.extensions.analysis.signals.companions import Companions
 from imuscope.server.extensions.analysis.signals.rest import Rest
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
 from imuscope.server.extensions.analysis.signals.signals import Signal
-from imuscope.server.extensions.analysis.signals.units import G, Unit
+from imuscope.server.extensions.analysis.signals.units import G, Unit, rounded
 
 LEAST_S = 20.0  # at rest, for any parameter
 MAX_MOVING_SHARE = 0.25  # part of the range
+MAX_REST_OF_GRAVITY = 1.0  # m/s²: it was removed, with the error of an attitude
 GRAVITY_ERROR = 0.5  # m/s², of its strength: an uncalibrated accelerometer is off by less
 MAX_TILT_DEG = 0.5  # °: gravity turns by less as an accelerometer warms up
 MAX_BIAS, MAX_KNOWN_BIAS = 10.0, 2.0  # °/s: a larger mean rate is a turn, also of a sensor whose data sheet is unknown
@@ -44,6 +47,7 @@ MAX_WARMING_C = 10.0  # °C: over more a line is not how a bias depends on tempe
 MAX_MISSING_SHARE = 0.1  # part of the range
 MIN_LONGEST_SHARE = 0.2  # the longest stretch as part of all samples
 REST = "Lay the sensor down where nothing moves it, for 20 minutes, and record again."
+MAX_LEVEL_RATIO = 1.1  # of the loudest part to the quietest; up to it the intervals contain both
 STRETCH_BLOCKS, BLOCK_STEPS = 30, 20  # parts of a stretch, of 2 s or more
 
 
@@ -100,6 +104,11 @@ class Measured:
         return slow_change(self.signal.time, self.values, self.rest.runs)
 
     @cached_property
+    def regularity(self) -> Regularity:
+        """Of the stretches at rest."""
+        return Regularity(self.values, self.rest.runs, self.sampling.rate)
+
+    @cached_property
     def duration(self) -> float:
         """Time at rest, s."""
         return float(sum(run.stop - run.start for run in self.rest.runs)) / self.sampling.rate
@@ -120,7 +129,7 @@ def unchecked(signal: Signal) -> str:
         name
         for name, there in (
             ("the rate of turn", beside is not None and len(beside.gyroscope) > 0),
-            ("gravity", beside is not None and len(beside.accelerometer) > 0),
+            ("gravity", beside is not None and (_gravity_of(beside) or 0.0) >= MAX_REST_OF_GRAVITY),
             ("the attitude", beside is not None and len(beside.attitude) > 0),
             ("flags for clipping", beside is not None and beside.has_status),
             ("the temperature", signal.temperature is not None),
@@ -155,22 +164,32 @@ def _motion(measured: Measured) -> Obstacle | None:
     rest = measured.rest
     if rest.moving <= MAX_MOVING_SHARE * rest.whole:
         return None
-    return Obstacle("motion", f"Moving: {rest.moving:.3g} s of {rest.whole:.3g} s.", REST)
+    return Obstacle("motion", f"Moving: {rounded(rest.moving)} s of {rounded(rest.whole)} s.", REST)
 
 
 def _gravity(measured: Measured) -> Obstacle | None:
-    force, moving = measured.companions.steps[1], measured.companions.moving
-    means = [force.means[part] for part in _stretches(force.time, moving)]
-    if not means:
+    size = _gravity_of(measured.companions)
+    if size is None or abs(size - G) <= GRAVITY_ERROR:
         return None
-    size = float(np.linalg.norm(np.concatenate(means), axis=1).mean())
-    if abs(size - G) <= GRAVITY_ERROR:
-        return None
+    hint = "Calibrate the accelerometer, and record at rest."
+    if size < MAX_REST_OF_GRAVITY:
+        if not Unit.parse(measured.signal.unit).fits(Unit.parse("m/s²")):
+            return None  # of the gyroscope beside it, gravity is not known (`unchecked`)
+        hint = "Gravity was removed from this acceleration: analyse the one that the sensor measures, with gravity."
     message = f"Gravity: the accelerometers show {size:.3g} m/s² in place of 9.81 m/s²."
-    return Obstacle("gravity", message, "Calibrate the accelerometer, and record at rest.")
+    return Obstacle("gravity", message, hint)
+
+
+def _gravity_of(companions: Companions) -> float | None:
+    """Mean strength of the acceleration at rest, m/s²; None if it is not known."""
+    force = companions.steps[1]
+    means = [force.means[part] for part in _stretches(force.time, companions.moving)]
+    return float(np.linalg.norm(np.concatenate(means), axis=1).mean()) if means else None
 
 
 def _tilt(measured: Measured) -> Obstacle | None:
+    if (_gravity_of(measured.companions) or 0.0) < MAX_REST_OF_GRAVITY:
+        return None
     force, moving = measured.companions.steps[1], measured.companions.moving
     worst = 0.0
     for part in _stretches(force.time, moving):
@@ -216,7 +235,7 @@ def _attitude(measured: Measured) -> Obstacle | None:
             worst, within = angle, seconds
     if not worst:
         return None
-    return Obstacle("attitude", f"Turning: the attitude changes by {worst:.3g}° in {within:.3g} s.", REST)
+    return Obstacle("attitude", f"Turning: the attitude changes by {worst:.3g}° in {rounded(within)} s.", REST)
 
 
 def _temperature(measured: Measured) -> Obstacle | None:
@@ -242,15 +261,17 @@ def _gaps(measured: Measured) -> Obstacle | None:
         and sampling.longest >= MIN_LONGEST_SHARE * measured.rest.whole * sampling.rate
     ):
         return None
-    message = f"Gaps: {sampling.missing:.3g} s of {total:.3g} s are missing in {counted(sampling.gaps, 'gap')}; "
-    message += f"the longest stretch without one has {longest:.3g} s."
+    message = (
+        f"Gaps: {rounded(sampling.missing)} s of {rounded(total)} s are missing in {counted(sampling.gaps, 'gap')}; "
+    )
+    message += f"the longest stretch without one has {rounded(longest)} s."
     return Obstacle("gaps", message, "Mend the link or lower the output rate (see the panel Health), and record again.")
 
 
 def _duration(measured: Measured) -> Obstacle | None:
     if measured.duration >= LEAST_S * (1 - 1e-3):
         return None
-    message = f"Too short: {measured.duration:.3g} s at rest; at least {LEAST_S:.0f} s are needed."
+    message = f"Too short: {rounded(measured.duration)} s at rest; at least {LEAST_S:.0f} s are needed."
     return Obstacle("duration", message, REST)
 
 
@@ -262,17 +283,56 @@ def _line(measured: Measured) -> Obstacle | None:
         return None
     low, high = line.images
     unit = measured.signal.unit
-    word = "Vibration" if line.frequency >= 1 else "Swinging"
-    message = f"{word}: a line of {line.rms:.3g} {unit} rms stands at {line.frequency:.4g} Hz"
-    message += f" (it may be the image of one at {low:.4g} or {high:.4g} Hz)."
+    word = "Vibration" if line.frequency >= 1 else "Swinging or vibration"
+    message = f"{word}: a line of {rounded(line.rms)} {unit} rms stands at {rounded(line.frequency, 4)} Hz"
+    message += f" (it may be the image of one at {rounded(low, 4)} or {rounded(high, 4)} Hz)."
     return Obstacle("vibration", message, "Stop what vibrates or swings, and record again.")
 
 
 def _slow(measured: Measured) -> Obstacle | None:
-    if not measured.slow.is_sure:
+    if not measured.slow.is_sure or measured.slow.words == STEP:
         return None
     hint = "Let the sensor warm up for 20 minutes where nothing moves it and the temperature is even, and record again."
     return Obstacle("drift", f"Slow change: the signal shows {measured.slow.words}, which is not noise.", hint)
+
+
+def _jump(measured: Measured) -> Obstacle | None:
+    jump = measured.regularity.jump
+    if jump is None and not (measured.slow.is_sure and measured.slow.words == STEP):
+        return None
+    message = "Step: the mean jumps, and may jump back."
+    if jump is not None:
+        time, size = measured.signal.time, f"{rounded(abs(jump.size))} {measured.signal.unit}".rstrip()
+        message = f"Step: the mean jumps by {size} at {rounded(float(time[jump.at] - time[0]))} s."
+    hint = "Look for a change of settings, temperature or supply there, and choose a range without it."
+    return Obstacle("step", message, hint)
+
+
+def _level(measured: Measured) -> Obstacle | None:
+    level = measured.regularity.level
+    if level is None or level.high <= MAX_LEVEL_RATIO * level.low:
+        return None
+    message = f"Unsteady: the noise of one part of the range is {level.high / level.low:.3g} times that of another."
+    return Obstacle("level", message, "Look at the signal for what changed, and choose a range in which it is even.")
+
+
+def _distribution(measured: Measured) -> Obstacle | None:
+    tail, skewness = measured.regularity.moments
+    hint = "Set a larger range of the sensor, or remove what drives it to its limit."
+    if tail > MAX_TAIL:
+        message = "Bursts: the values lie far from their mean more often than noise does"
+        hint = "Look at the signal for bursts and spikes, and choose a range without them."
+    elif tail < -MIN_FLATNESS or abs(skewness) > MAX_SKEWNESS:
+        message = "Saturated: the values lie far from their mean less often than noise does"
+        message += ", on one side" if abs(skewness) > MAX_SKEWNESS else ""
+    elif measured.regularity.is_compressed:
+        return Obstacle(
+            "distribution", "Saturated: the noise is smaller the further the values are from their mean.", hint
+        )
+    else:
+        return None
+    figures = f"kurtosis {3 + tail:.2f} and skewness {skewness:.2f}, where noise has 3 and 0"
+    return Obstacle("distribution", f"{message} ({figures}).", hint)
 
 
 def _fit(measured: Measured) -> Obstacle | None:
@@ -286,7 +346,7 @@ def _fit(measured: Measured) -> Obstacle | None:
         return Obstacle("bandwidth", message, hint)
     percent = 100 * abs(misfit.ratio - 1)
     side = "above" if misfit.ratio > 1 else "below"
-    message = f"The noise model does not fit: the curve is {percent:.0f} % {side} it at {misfit.tau:.3g} s, "
+    message = f"The noise model does not fit: the curve is {percent:.0f} % {side} it at {rounded(misfit.tau)} s, "
     message += f"where {100 * misfit.expected:.2g} % are expected."
     return Obstacle("fit", message, "Look at the spectrum for filters, vibration and bursts, and choose another range.")
 
@@ -295,7 +355,9 @@ CHECKS: Sequence[Sequence[Callable[[Measured], Obstacle | None]]] = (
     (_samples,),
     (_status, _motion, _gaps),
     (_gravity, _tilt, _turning, _attitude, _temperature, _duration),
-    (_line, _slow),
+    (_line, _slow, _jump),
+    (_level,),
+    (_distribution,),
     (_fit,),
 )
 """Each group presupposes the ones before: in motion everything is a disturbance, and with one no model fits."""

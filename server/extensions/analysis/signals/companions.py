@@ -25,7 +25,14 @@ from imuscope.server.extensions.analysis.signals.stillness import (
     moving_intervals,
     step_means,
 )
-from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples, Triad, gather, sensors_in
+from imuscope.server.extensions.analysis.signals.triads import (
+    NO_SAMPLES,
+    Samples,
+    Triad,
+    gather,
+    sensors_in,
+    triads_in,
+)
 from imuscope.server.wire import BitsInfo, ChannelInfo
 
 ReadColumn = Callable[[ChannelInfo, int], tuple[Floats, Floats]]
@@ -77,10 +84,10 @@ class CompanionChannels:
     flags: Sequence[tuple[ChannelInfo, int, BitsInfo]] = ()
     _cache: list[Companions] = field(default_factory=list, compare=False, repr=False)
 
-    @property
-    def columns(self) -> list[tuple[ChannelInfo, int]]:
-        """The columns that are read, by channel and position."""
-        pairs = [(triad.info, at) for triad in self.triads.values() for at in triad.at]
+    def columns_beside(self, own: ChannelInfo, column: int) -> list[tuple[ChannelInfo, int]]:
+        """The columns that are read beside one, by channel and position."""
+        pairs = [(own, at) for triad in triads_in(own) if column in triad.at for at in triad.at]
+        pairs += [(triad.info, at) for triad in self.triads.values() for at in triad.at]
         if self.attitude is not None:
             pairs += [(self.attitude, at) for at in range(_ATTITUDE[self.attitude.kind])]
         return pairs + [(info, at) for info, at, _ in self.flags]
@@ -91,11 +98,19 @@ class CompanionChannels:
             self._cache.append(self._read(read))
         return self._cache[0]
 
-    def _read(self, read: ReadColumn) -> Companions:
-        def columns(info: ChannelInfo, places: Sequence[int]) -> tuple[Floats, list[Floats]]:
-            pairs = [read(info, at) for at in places]
-            return pairs[0][0], [values for _, values in pairs]
+    def siblings(self, info: ChannelInfo, at: int, read: ReadColumn) -> StepMeans:
+        """Means of short intervals of the triad that a column is an axis of; none if it is of none."""
+        own = next((one for one in triads_in(info) if at in one.at), None)
+        if own is None:
+            return step_means(NO_SAMPLES)
+        for place, name in enumerate(("gyroscope", "accelerometer")):
+            known = self.triads.get(name)
+            if known is not None and (known.info.id, known.at) == (info.id, own.at):
+                return self.read(read).steps[place]
+        return step_means(gather(own, columns_by(read)))
 
+    def _read(self, read: ReadColumn) -> Companions:
+        columns = columns_by(read)
         clipped = {}
         for info, at, bits in self.flags:
             values = read(info, at)[1]
@@ -109,6 +124,16 @@ class CompanionChannels:
             {name: count for name, count in clipped.items() if count},
             bool(self.flags),
         )
+
+
+def columns_by(read: ReadColumn) -> Callable[[ChannelInfo, Sequence[int]], tuple[Floats, list[Floats]]]:
+    """Times, and the values of several columns of a channel."""
+
+    def columns(info: ChannelInfo, places: Sequence[int]) -> tuple[Floats, list[Floats]]:
+        pairs = [read(info, at) for at in places]
+        return pairs[0][0], [values for _, values in pairs]
+
+    return columns
 
 
 def companions_in(infos: Iterable[ChannelInfo], device: str) -> CompanionChannels:

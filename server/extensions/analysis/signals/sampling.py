@@ -15,6 +15,7 @@ from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.columns.breaks import gaps_in
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.signals import Signal
+from imuscope.server.extensions.analysis.signals.units import rounded
 
 MAX_JITTER_STEPS = 0.1  # of a step: larger jitter is noted
 MAX_MEDIAN_STEPS, MEDIAN_STRETCHES = 1 << 18, 64  # steps for a median, from so many stretches
@@ -52,7 +53,7 @@ class Sampling:
             remarks.append(f"{counted(self.clock_steps, 'step')} of the clock: nothing is computed across one.")
         if self.gaps:
             remarks.append(
-                f"{counted(self.gaps, 'gap')}, {self.missing:.3g} s in sum: nothing is computed across a gap."
+                f"{counted(self.gaps, 'gap')}, {rounded(self.missing)} s in sum: nothing is computed across a gap."
             )
         if self.jitter > MAX_JITTER_STEPS / self.rate:
             percent = 100 * self.jitter * self.rate

@@ -18,6 +18,7 @@ from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.companions import CompanionChannels, Companions
+from imuscope.server.extensions.analysis.signals.stillness import StepMeans
 from imuscope.server.library.range_query import query_columns, stored_values
 from imuscope.server.streaming.channel_store import ChannelStore
 from imuscope.server.wire import ChannelInfo
@@ -57,6 +58,7 @@ class Signal:
         data_sheet: of the sensor it comes from; None if unknown.
         temperature: reads the times and values of its device's temperature, °C; None if that has none.
         companions: reads the other sensors of its device; None if they were not requested or it has no device.
+        siblings: reads the means of short intervals of all axes of its triad; None as above.
         breaks: times at which the clock of its device steps, unix s: nothing is computed across them.
     """
 
@@ -70,6 +72,7 @@ class Signal:
     data_sheet: DataSheetNoise | None = None
     temperature: Callable[[], tuple[Floats, Floats]] | None = field(default=None, compare=False)
     companions: Callable[[], Companions] | None = field(default=None, compare=False)
+    siblings: Callable[[], StepMeans] | None = field(default=None, compare=False)
     breaks: tuple[float, ...] = ()
 
     @property
@@ -104,22 +107,25 @@ class SignalColumn:
 
     @property
     def columns(self) -> list[SignalColumn]:
-        others = [] if self.companions is None else self.companions.columns
+        others = [] if self.companions is None else self.companions.columns_beside(self.info, self.at)
         return [self, *(SignalColumn(info, at) for info, at in others)]
 
     def signals(self, read: ReadSamples) -> list[Signal]:
         column = self.info.columns[self.at]
         signal = finite_signal(self.name, column.unit, column.period, *read(self))
         warmth, others = self.temperature, self.companions
+
+        def column_of(info: ChannelInfo, at: int) -> tuple[Floats, Floats]:
+            return read(SignalColumn(info, at))
+
         return [
             replace(
                 signal,
                 data_sheet=self.data_sheet,
                 temperature=None if warmth is None else lambda: read(warmth),
                 breaks=self.breaks,
-                companions=None
-                if others is None
-                else lambda: others.read(lambda info, at: read(SignalColumn(info, at))),
+                companions=None if others is None else lambda: others.read(column_of),
+                siblings=None if others is None else lambda: others.siblings(self.info, self.at, column_of),
             )
         ]
 

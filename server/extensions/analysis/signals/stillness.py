@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
+from imuscope.server.extensions.analysis.signals.spikes import without_spikes
 from imuscope.server.extensions.analysis.signals.triads import Samples
 
 STEP_S = 0.1
@@ -166,15 +167,22 @@ def moving_intervals(
 ) -> list[tuple[float, float]]:
     """Intervals of motion, unix s; they may overlap. Stretches without samples are in none of them.
 
-    White noise of any level is not motion: for a sensor so noisy that its means scatter by a quarter of a limit, the
-    limits grow with its noise.
+    Spikes are not motion (spikes.py), and white noise of any level is not: for a sensor so noisy that its means scatter
+    by a quarter of a limit, the limits grow with its noise.
 
     Args:
         spread: limit of the spread of the means of 0.1 s within a window of 1 s.
         change: limit of the change from one window to the next.
         means: of the samples, if they are known.
     """
-    means = step_means(samples) if means is None else means
+    intervals = _moving(samples, spread, change, step_means(samples) if means is None else means)
+    if intervals:
+        cleaned = Samples(samples.time, without_spikes(samples.values))
+        return _moving(cleaned, spread, change, step_means(cleaned))
+    return intervals
+
+
+def _moving(samples: Samples, spread: float, change: float, means: StepMeans) -> list[tuple[float, float]]:
     if len(means) < WINDOW_STEPS:
         return []
     grow = max(1.0, 4 * _white(samples) / math.sqrt(float(np.median(means.counts))) / spread)

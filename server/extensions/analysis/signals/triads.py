@@ -3,13 +3,13 @@
     Acceleration  x y z  m/s²    ─> accelerometer        MagneticField  x y z  a.u., µT     ─> magnetometer
     RateOfTurn    x y z  °/s     ─> gyroscope            Temperature    °C
 
-A channel is recognised by its title and unit, as for the data sheets (data_sheet.py). Data sets with
-several sensors have columns imu.pqr.x …; their triads are recognised by the unit alone.
+A channel is recognised by its title and unit, as for the data sheets (data_sheet.py); where none has such a title, a
+rate of turn or an acceleration by its unit alone. Data sets with several sensors have columns imu.pqr.x ….
 """
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +24,7 @@ _NAMES: dict[str, tuple[re.Pattern[str], str]] = {
     "accelerometer": (re.compile(r"accel|specific.?force|(^|\.)acc", re.I), "m/s²"),
     "magnetometer": (re.compile(r"magn|(^|\.)mag", re.I), ""),
 }
+SHOWN_UNITS = {"gyroscope": "°/s", "accelerometer": "m/s²"}
 _NOT = re.compile(
     r"free.?accel|linear.?accel|gravity|increment|uncal|raw|std|deviation|bias|high.?rate|reference", re.I
 )
@@ -74,25 +75,29 @@ NO_SAMPLES = Samples(np.empty(0), np.empty((0, 3)))
 
 
 def sensors_in(infos: Iterable[ChannelInfo]) -> dict[str, Triad]:
-    """The sensors of one device, by the words of `_NAMES`; of several of a kind the plainest channel."""
+    """The sensors of one device, by the words of `_NAMES` and the unit; of several of a kind the plainest channel."""
     by_sensor: dict[str, list[Triad]] = {}
     for info in infos:
-        for triad, words in _triads(info):
+        for triad in triads_in(info):
             for sensor, (name, si) in _NAMES.items():
-                if not name.search(words) or _NOT.search(words):
+                unit, shown = Unit.parse(triad.unit), SHOWN_UNITS.get(sensor, triad.unit)
+                fits = any(unit.fits(Unit.parse(one)) for one in ([si] if si else ("rad/s", "m/s²")))
+                if _NOT.search(triad.name) or fits != bool(si) or not (si or name.search(triad.name)):
                     continue
-                unit = Unit.parse(info.columns[triad[0]].unit)
-                if si and not unit.fits(Unit.parse(si)):
-                    continue
-                if not si and (unit.fits(Unit.parse("rad/s")) or unit.fits(Unit.parse("m/s²"))):
-                    continue
-                shown = {"gyroscope": "°/s", "accelerometer": "m/s²"}.get(sensor, info.columns[triad[0]].unit)
                 factor = unit.to(Unit.parse(shown)) if si else 1.0
-                by_sensor.setdefault(sensor, []).append(Triad(info, triad, words, factor, shown))
+                by_sensor.setdefault(sensor, []).append(replace(triad, factor=factor, unit=shown))
                 break
-    # a channel of its own before a part of a data set; the newest of those with one name
+    # one of that title; a channel of its own before a part of a data set; the newest of those with one name
     return {
-        sensor: min(those, key=lambda one: (one.info.kind != "vector", len(one.name), -one.info.id))
+        sensor: min(
+            those,
+            key=lambda one: (
+                not _NAMES[sensor][0].search(one.name),
+                one.info.kind != "vector",
+                len(one.name),
+                -one.info.id,
+            ),
+        )
         for sensor, those in by_sensor.items()
     }
 
@@ -106,8 +111,8 @@ def temperature_in(infos: Iterable[ChannelInfo]) -> tuple[ChannelInfo, int] | No
     return None
 
 
-def _triads(info: ChannelInfo) -> list[tuple[tuple[int, int, int], str]]:
-    """Columns x, y, z that follow one another, each with the words that say what it is."""
+def triads_in(info: ChannelInfo) -> list[Triad]:
+    """Columns x, y, z that follow one another, in their own unit, each named by the words that say what it is."""
     if info.kind not in ("vector", "record") or not info.verified:
         return []
     triads = []
@@ -119,7 +124,7 @@ def _triads(info: ChannelInfo) -> list[tuple[tuple[int, int, int], str]]:
             continue
         own = (heads[0] or "").rstrip("._[")
         words = f"{info.name}.{own}" if own else info.name if info.kind == "record" else f"{info.name}"
-        triads.append(((at, at + 1, at + 2), words))
+        triads.append(Triad(info, (at, at + 1, at + 2), words, 1.0, columns[at].unit))
     return triads
 
 

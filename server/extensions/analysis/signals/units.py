@@ -135,6 +135,11 @@ class Unit:
 NO_UNIT = Unit()
 
 
+def rounded(value: float, digits: int = 3) -> str:
+    """A number with so many digits, without a power of ten below a million: 1200, not 1.2e+03."""
+    return f"{value:.0f}" if 10 ** (digits - 1) <= abs(value) < 1e6 else f"{value:.{digits}g}"
+
+
 def _tidy(powers: Mapping[str, Fraction]) -> tuple[tuple[str, Fraction], ...]:
     return tuple((name, Fraction(power)) for name, power in powers.items() if power)
 

@@ -238,7 +238,7 @@ def test_without_a_clock_of_the_device_a_step_back_begins_a_segment(tmp_path: Pa
     assert np.diff(rows.arrival).min() > 0
     assert store.manifest["segments"] == {"1": [pytest.approx(BEGIN + 1, abs=0.02)]}
     [event] = [one for one in store.manifest["events"] if one["data"].get("kind") == "log"]
-    assert event["text"].startswith("The clock of the log jumped by")
+    assert event["text"].startswith("The clock of the log was set back by")
 
 
 def test_a_stray_time_is_left_out_and_a_pause_of_years_is_quick(tmp_path: Path) -> None:

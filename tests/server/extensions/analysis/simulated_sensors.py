@@ -5,7 +5,7 @@ walk K on each, an attitude, a temperature and a status word, as far as `sends` 
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -253,6 +253,70 @@ def carried(sensor: SimulatedSensor, part: float) -> None:
     sensor.force[:moving, 2] += G * (np.cos(tilt) - 1)
 
 
+def soft_clipped(sensor: SimulatedSensor, above: float) -> None:
+    """Values that saturate softly, `above` standard deviations from their mean."""
+    for values in (sensor.turn, sensor.force):
+        mean, limit = values.mean(axis=0), above * values.std(axis=0)
+        values[:] = mean + limit * np.tanh((values - mean) / limit)
+
+
+def clipped_then_noisy(sensor: SimulatedSensor, above: float) -> None:
+    """Clipped, one side only from 2 σ on, and then rotated a little, so that no value is the highest one twice."""
+    draw = np.random.default_rng(6)
+    for values in (sensor.turn, sensor.force):
+        mean, scatter = values.mean(axis=0), values.std(axis=0)
+        low = mean - (above if above < 2 else 99) * scatter
+        np.clip(values, low, mean + (above if above < 2 else above - 1.5) * scatter, out=values)
+        values += draw.normal(0, 0.05 * scatter, values.shape)
+
+
+def louder(sensor: SimulatedSensor, times: float) -> None:
+    """More noise, all at once or little by little, in a part of the time."""
+    draw = np.random.default_rng(round(times * 1e6))
+    begin, end = sorted(draw.uniform(0, 1, 2))
+    place = np.arange(len(sensor.time)) / len(sensor.time)
+    growth = place if draw.random() < 0.3 else ((place > min(begin, 0.8)) & (place < max(end, begin + 0.2)))
+    for values in (sensor.turn, sensor.force):
+        mean = values.mean(axis=0)
+        values[:] = mean + (values - mean) * (1 + (times - 1) * growth[:, None])
+
+
+def stepping(sensor: SimulatedSensor, sigmas: float) -> None:
+    """A bias that jumps by this many standard deviations of a sample, once to six times, to and fro."""
+    draw = np.random.default_rng(round(sigmas * 1e6))
+    at = np.sort(draw.integers(0, len(sensor.time), draw.integers(1, 7)))
+    level = np.searchsorted(at, np.arange(len(sensor.time)), side="right") % 2
+    for values in (sensor.turn, sensor.force):
+        values += sigmas * values.std(axis=0) * level[:, None]
+
+
+def spiky(sensor: SimulatedSensor, part: float) -> None:
+    """Spikes of 10 to 50 standard deviations in this part of the samples."""
+    draw = np.random.default_rng(round(part * 1e9))
+    n = max(1, round(part * len(sensor.time)))
+    for values in (sensor.turn, sensor.force):
+        at = draw.integers(0, len(values), n)
+        values[at] += draw.choice([-1, 1], (n, 1)) * draw.uniform(10, 50, (n, 1)) * values.std(axis=0)
+
+
+def hushed(sensor: SimulatedSensor, share: float) -> None:
+    """Less noise, this share of it, in a quarter of the time: held, or filtered more."""
+    n = len(sensor.time)
+    for values in (sensor.turn, sensor.force):
+        part = values[n // 3 : n // 3 + n // 4]
+        part[:] = part.mean(axis=0) + share * (part - part.mean(axis=0))
+
+
+def bursting(sensor: SimulatedSensor, part: float) -> None:
+    """Bursts of a tenth of a second with three to eight times the noise, in this part of the time."""
+    draw = np.random.default_rng(round(part * 1e9))
+    length = max(2, round(sensor.rate / 10))
+    loud = np.repeat(draw.random(len(sensor.time) // length + 1) < part, length)[: len(sensor.time)]
+    for values in (sensor.turn, sensor.force):
+        mean = values.mean(axis=0)
+        values[loud] = mean + (values[loud] - mean) * draw.uniform(3, 8)
+
+
 FAULTS: Mapping[str, tuple[Callable[[SimulatedSensor, float], None], float, float]] = {
     "swinging": (swinging, 1e-4, 50.0),
     "turning": (turning, 1e-3, 30.0),
@@ -268,6 +332,13 @@ FAULTS: Mapping[str, tuple[Callable[[SimulatedSensor, float], None], float, floa
     "shortened": (shortened, 1.0, 100.0),
     "filtered": (filtered, 2.0, 200.0),
     "carried": (carried, 0.01, 1.0),
+    "soft_clipped": (soft_clipped, 0.5, 5.0),
+    "clipped_then_noisy": (clipped_then_noisy, 0.5, 4.0),
+    "louder": (louder, 1.05, 5.0),
+    "stepping": (stepping, 0.01, 5.0),
+    "spiky": (spiky, 1e-5, 0.05),
+    "hushed": (hushed, 0.01, 0.9),
+    "bursting": (bursting, 1e-3, 0.3),
 }
 """Faults with the range of their size, for random sensors."""
 
@@ -291,8 +362,12 @@ GROSS = {"swinging": 1.0, "stuck": 20.0, "repeated": 0.3, "rounded": 0.5, "carri
 """Sizes from which no verdict may come, whatever it says."""
 
 
-def random_sensor(seed: int) -> RandomSensor:
-    """The sensor of this number: noise of 0.1 to 10 times the data sheet, any length, rate, fault and size of it."""
+def random_sensor(seed: int, faults: Sequence[str] = ()) -> RandomSensor:
+    """The sensor of this number: noise of 0.1 to 10 times the data sheet, any length, rate, fault and size of it.
+
+    Args:
+        faults: those to choose from, "" for none; () for all, and none in one of five.
+    """
     draw = np.random.default_rng([seed, 2])
     walk = N_SHEET * 10 ** draw.uniform(-1, 1)
     sensor = at_rest(
@@ -303,7 +378,8 @@ def random_sensor(seed: int) -> RandomSensor:
         flicker=float(draw.choice([0.0, B_SHEET * 10 ** draw.uniform(-1, 1)])),
         rate_walk=float(draw.choice([0.0, walk * 10 ** draw.uniform(-3, -0.5)])),
     )
-    fault = "" if draw.random() < 0.2 else str(draw.choice(list(FAULTS)))
+    is_honest = draw.random() < 0.2 and not any(faults)
+    fault = "" if is_honest else str(draw.choice(list(faults or FAULTS)))
     size = 0.0
     if fault:
         apply, low, high = FAULTS[fault]
@@ -328,10 +404,11 @@ def falsehoods(of: RandomSensor, figures: Mapping[str, Any]) -> list[str]:
         if wrong or (of.broken and verdict["state"] != "open"):
             result.append(f"{verdict['words']} (it is {value / (N_SHEET if is_walk else B_SHEET):.3g} times)")
     if (parameters := figures.get("parameters")) is not None:
-        walk = parameters["random_walk"]
-        low, high = (walk["value"] + 2 * (walk[end] - walk["value"]) for end in ("low", "high"))
-        if walk["value"] and not 0.8 * low <= truth.walk <= 1.25 * high:
-            result.append(f"N of {walk['low']:.3g} to {walk['high']:.3g} in place of {truth.walk:.3g}")
+        truths = {"random_walk": truth.walk, "bias_instability": truth.flicker, "rate_random_walk": truth.rate_walk}
+        for name, value in truths.items():
+            low, high = parameters[name]["low"], parameters[name]["high"]
+            if not 2 * low - high <= value <= 2 * high - low:
+                result.append(f"{name} of {low:.3g} to {high:.3g} in place of {value:.3g}")
         if of.broken:
             result.append("parameters of a sensor that is not at rest")
     return result

@@ -25,6 +25,8 @@ from imuscope.server.extensions.calibration.directions import (
 )
 from imuscope.server.extensions.calibration.gyroscope import NEEDED_S, gyroscope_bias
 from imuscope.server.extensions.calibration.magnetometer import fit_ellipsoid, magnetometer_iron, provisional_centre
+from imuscope.server.extensions.calibration.report import CalibrationReport
+from tests.server.extensions.analysis.simulated_sensors import flicker_noise
 from tests.support.each_row import each_row
 
 START = 1_760_000_000.0
@@ -124,6 +126,27 @@ def test_the_scatter_of_fits_is_the_uncertainty_that_they_state() -> None:
     ratio = np.std(results, axis=0) / np.mean(stated, axis=0)
     assert ratio.max() < 1.3
     assert ratio.min() > 0.4
+
+
+def test_the_iron_of_a_field_that_steps_is_within_its_interval() -> None:
+    """Regression: where the field grew by 1 % halfway, intervals of 95 % held 85 % of the biases."""
+    held = []
+    for seed in range(40):
+        draw = np.random.default_rng(seed)
+        distortion = np.eye(3) + 0.05 * draw.uniform(-1, 1, (3, 3))
+        distortion = (distortion + distortion.T) / 2
+        t = np.arange(1500) / 50
+        height = 2 * np.abs((t * draw.uniform(0.1, 0.3) + draw.random()) % 1 * 2 - 1) - 1
+        angle, flat = draw.uniform(2, 4) * t, np.sqrt(1 - height**2)
+        away = np.stack([flat * np.cos(angle), flat * np.sin(angle), height], axis=1)
+        strength = np.where(np.arange(1500) < 750, FIELD, FIELD * (1 + 0.01 * (seed % 2)))
+        bias = draw.uniform(-30, 30, 3)
+        measured = strength[:, None] * away @ distortion + bias + draw.normal(0, 0.3, (1500, 3))
+        correction = magnetometer_iron(sampled(measured, 50.0), "µT", FIELD).correction
+        if correction is not None:
+            held += (np.abs(np.array(correction.bias) - bias) < 1.96 * np.array(correction.bias_uncertainty)).tolist()
+    assert len(held) > 100
+    assert 0.93 <= np.mean(held) <= 0.99
 
 
 def test_a_turn_about_one_axis_is_refused_and_the_missing_axes_are_named() -> None:
@@ -227,6 +250,53 @@ def test_the_temperature_of_a_bias_is_reported(degrees: list[float], words: str)
     report = gyroscope_bias(turn, temperature=Samples(inside, warmth))
     assert words in report.notes
     assert [one.name for one in report.figures if one.name == "temperature"] == ["temperature"] * bool(degrees)
+
+
+def test_biases_of_200_gyroscopes_are_within_their_intervals() -> None:
+    """White noise, and for half of them flicker."""
+    held = []
+    for seed in range(200):
+        draw = np.random.default_rng(seed)
+        n = 2 * round(50 * draw.uniform(12, 60))
+        bias, flicker = draw.uniform(-1, 1, 3), 0.002 * (seed % 2)
+        noise = np.stack([flicker_noise(n, flicker, draw) for _ in range(3)], axis=1) + draw.normal(0, 0.05, (n, 3))
+        correction = gyroscope_bias(sampled(bias + noise)).correction
+        assert correction is not None
+        held += (np.abs(np.array(correction.bias) - bias) < 1.96 * np.array(correction.bias_uncertainty)).tolist()
+    assert 0.93 <= np.mean(held) <= 0.99
+
+
+def on_a_table(rate: float, seconds: float = 60.0, *, field: bool) -> CalibrationReport:
+    """A level sensor with a bias of 0.03 °/s, on a table that turns about the vertical."""
+    draw = np.random.default_rng(1)
+    t = np.arange(0, seconds, 1 / RATE)
+    turn = draw.normal([0.06, -0.1, 0.03 + rate], 0.05, (len(t), 3))
+    angle = np.radians(rate * t)
+    north = np.stack([20 * np.cos(angle), -20 * np.sin(angle), np.full(len(t), -43.0)], axis=1)
+    force = draw.normal([0, 0, 9.81], 0.01, (len(t), 3))
+    noisy = sampled(north + draw.normal([30.0, 10, -5], 0.3, (len(t), 3)))
+    return gyroscope_bias(sampled(turn), sampled(force), NO_SAMPLES, noisy if field else NO_SAMPLES)
+
+
+def test_a_turn_about_the_vertical_is_no_bias_with_an_uncertainty_alone() -> None:
+    """Regression: a table that turned by 3 °/s was a bias of 3.0285 ± 0.00035 °/s, without a word."""
+    words = (
+        "any steady turn about the vertical, which no other sensor here excludes: ± holds only for a sensor at rest."
+    )
+    for rate in (0.0, 3.0):
+        correction = on_a_table(rate, field=False).correction
+        assert correction is not None
+        assert correction.presupposes.endswith(words)
+    for rate in (0.3, 3.0, -6.0):
+        refusal = on_a_table(rate, field=True).refusal
+        assert refusal is not None
+        assert refusal.message.startswith("The sensor turns: the direction of the magnetic field changes by ")
+    proven = on_a_table(0.0, field=True).correction
+    assert proven is not None
+    assert proven.presupposes == "The bias contains the turn of the Earth, up to 0.004 °/s."
+    alone = gyroscope_bias(sampled(np.random.default_rng(1).normal(0.5, 0.05, (3000, 3)))).correction
+    assert alone is not None
+    assert "any steady turn, which no other sensor here excludes" in alone.presupposes
 
 
 def test_a_moment_is_no_rest() -> None:

@@ -1,6 +1,6 @@
 """Six positions and mounting: simulated sensors with known errors, and motions that determine no answer."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -79,6 +79,30 @@ def test_positions_need_not_be_level_or_square() -> None:
     crooked = six_positions(force, NO_SAMPLES, G, square=True)
     assert crooked.refusal is not None
     assert "square" in crooked.refusal.message
+
+
+def test_biases_and_scales_of_six_rests_are_within_their_intervals() -> None:
+    """Of 100 sensors, with six to twelve rests that are not level; half of them where gravity is not known."""
+    held: list[list[bool]] = [[], []]
+    axes = np.concatenate((np.eye(3), -np.eye(3)))
+    for seed in range(100):
+        draw = np.random.default_rng(seed)
+        gravity, bias, scale = draw.uniform(9.78, 9.832), draw.uniform(-0.2, 0.2, 3), draw.uniform(0.98, 1.02, 3)
+        ups = np.concatenate((axes, axes[draw.permutation(6)[: 3 * (seed % 3)]]))
+        ups = ups + draw.uniform(-0.1, 0.1, ups.shape)
+        pieces = []
+        for up in ups:
+            mean = gravity * up / np.linalg.norm(up) / scale + bias
+            pieces += [mean + draw.normal(0, 0.02, (210, 3)), draw.normal(0, 20, (40, 3))]
+        values = np.concatenate(pieces)
+        force = Samples(START + np.arange(len(values)) / RATE, values)
+        correction = six_positions(force, NO_SAMPLES, gravity if seed % 2 else 0.0).correction
+        assert correction is not None
+        is_held = np.abs(np.array(correction.bias) - bias) < 1.96 * np.array(correction.bias_uncertainty)
+        off = np.abs(np.diagonal(correction.matrix) - scale)
+        held[seed % 2] += [*is_held.tolist(), *(off < 1.96 * correction.matrix_uncertainty).tolist()]
+    assert 0.93 <= np.mean(held[1]) <= 0.99
+    assert np.mean(held[0]) >= 0.93  # every gravity there is lies within 1.8 σ of the usual one
 
 
 def test_four_positions_are_refused_and_the_others_named() -> None:
@@ -173,6 +197,82 @@ def test_a_curve_is_refused() -> None:
     assert report.drive is not None
     assert report.drive.turn == pytest.approx(25, abs=1)
     assert report.drive.turn > MAX_TURN
+
+
+REST, COAST = (0.0, 8.0), (0.0, 7.0)
+UP, BRAKE = (2.0, 3.0), (-3.0, 2.0)
+
+
+def driven(
+    parts: Sequence[tuple[float, float]], seed: int, noise: float = 0.02, shake: float = 0.0
+) -> tuple[Samples, Samples, Floats]:
+    """Samples of a straight drive, made here: accelerations, m/s², each for some seconds; and the true rotation."""
+    draw = np.random.default_rng(seed)
+    along = np.concatenate([np.full(round(seconds * RATE), size) for size, seconds in parts])
+    along = np.convolve(along, np.ones(15) / 15, "same")
+    n, speed = len(along), np.cumsum(along) / RATE
+    forces = np.stack([along, np.zeros(n), np.full(n, G)], axis=1)
+    forces += shake * (np.abs(speed) > 0.2)[:, None] * draw.normal(size=(n, 3))
+    q = draw.normal(size=4)
+    truth = rotations.matrix_of(q[None] / np.linalg.norm(q))[0]
+    time = START + np.arange(n) / RATE
+    return (
+        Samples(time, forces @ truth + draw.normal(0, noise, (n, 3))),
+        Samples(time, draw.normal(0, 0.05, (n, 3))),
+        truth,
+    )
+
+
+@each_row(
+    "parts",
+    [
+        [REST, UP, COAST, BRAKE, REST],
+        [REST, UP, COAST, BRAKE, REST, UP, COAST, BRAKE, REST],
+        [REST, UP],
+    ],
+    ids=["a coast", "twice", "until it drives"],
+)
+def test_braking_from_a_coast_is_no_drive_that_begins_forwards(parts: Sequence[tuple[float, float]]) -> None:
+    """Regression: yaw was off by 180° with 0.017° stated: a coast counted as rest, and what followed it as a drive."""
+    for seed in range(4):
+        force, turn, truth = driven(parts, seed)
+        report = mounting_rotation(force, turn)
+        assert report.correction is not None, report.refusal
+        assert angle_between(np.array(report.correction.matrix), truth) < 0.3
+
+
+@each_row(
+    ("parts", "words"),
+    [
+        ([REST, (-2.0, 3.0), (2.0, 3.0), REST, UP, (-2.0, 3.0), REST], "Two drives contradict each other"),
+        ([REST, BRAKE, REST], "The drive does not end at rest"),
+        ([REST, UP, REST], "The drive does not end at rest"),
+        ([REST, BRAKE, REST, UP, COAST, BRAKE, REST], "The drive does not end at rest"),
+    ],
+    ids=["backwards first", "coast, brake, rest", "rest, drive, coast", "it comes in at speed"],
+)
+def test_drives_that_leave_open_where_forward_is_are_refused(parts: Sequence[tuple[float, float]], words: str) -> None:
+    force, turn, _ = driven(parts, 1)
+    report = mounting_rotation(force, turn)
+    assert report.correction is None
+    assert report.refusal is not None
+    assert report.refusal.message.startswith(words)
+
+
+def test_the_angles_of_a_mounting_are_within_their_interval() -> None:
+    """Roll, pitch and yaw of 200 mountings, with vibration and one or two drives: 95 % of them within 1.96 σ."""
+    held = []
+    for seed in range(200):
+        parts = [REST, UP, (0.0, 5.0), BRAKE, REST] + [UP, (0.0, 5.0), BRAKE, REST] * (seed % 2)
+        force, turn, truth = driven(parts, seed, 0.03, 0.2 * (seed % 3))
+        report = mounting_rotation(force, turn)
+        assert report.correction is not None, report.refusal
+        away = np.degrees(np.array(report.correction.matrix) @ truth.T)
+        off = (away[2, 1] - away[1, 2]) / 2, (away[0, 2] - away[2, 0]) / 2, (away[1, 0] - away[0, 1]) / 2
+        sigmas = {one.name: one.uncertainty or 0.0 for one in report.figures}
+        held += [abs(off[0]) < 1.96 * sigmas["roll"], abs(off[1]) < 1.96 * sigmas["pitch"]]
+        held.append(abs(off[2]) < 1.96 * sigmas["yaw"])
+    assert 0.93 <= np.mean(held) <= 0.99
 
 
 def test_wrong_gravity_is_refused() -> None:

@@ -28,7 +28,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
 @each_row("axes", BODIES)
 def test_attitudes_and_vectors_agree(frame: str, axes: str) -> None:
     source = np.random.default_rng(7)
-    q_frame_from_body = quaternions("quaternion", list(source.normal(size=(4, 20))))
+    q_frame_from_body = Rotation.random(20, source).as_quat(scalar_first=True)
     in_body = source.normal(size=(20, 3))
     result = enu_from_flu(q_frame_from_body, frame, axes)
     for q, expected, vector in zip(result, q_frame_from_body, in_body, strict=True):
@@ -50,8 +50,9 @@ def test_level_and_north_in_ned_is_a_quarter_turn_in_enu() -> None:
 def test_attitudes_are_those_of_the_other_views(kind: str, width: int) -> None:
     source = np.random.default_rng(3)
     rows = source.normal(size=(10, width)) * (60 if kind == "euler" else 1)
-    if kind == "matrix":
-        rows = Rotation.from_quat(source.normal(size=(10, 4))).as_matrix().reshape(10, 9)
+    if kind != "euler":
+        turns = Rotation.random(10, source)
+        rows = turns.as_matrix().reshape(10, 9) if kind == "matrix" else turns.as_quat(scalar_first=True)
     expected = {
         "euler": lambda: Rotation.from_euler("ZYX", rows[:, ::-1], degrees=True),
         "matrix": lambda: Rotation.from_matrix(rows.reshape(10, 3, 3)),
@@ -64,7 +65,7 @@ def test_attitudes_are_those_of_the_other_views(kind: str, width: int) -> None:
 @each_row("kind", ["quaternion", "matrix"])
 def test_invalid_attitudes_are_not_numbers(kind: str) -> None:
     width = {"quaternion": 4, "matrix": 9}[kind]
-    rows = np.array([np.zeros(width), np.full(width, np.nan)])
+    rows = np.array([np.zeros(width), np.full(width, np.nan), np.full(width, 0.65)])
     if kind == "matrix":
-        rows = rows[1:]
+        rows = rows[1:2]
     assert np.isnan(quaternions(kind, list(rows.T))).all()

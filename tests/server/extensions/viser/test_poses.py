@@ -94,9 +94,9 @@ def test_the_newest_row_is_the_pose_and_nonsense_leaves_it() -> None:
     )
     assert one.q_frame_from_body is None
     assert one.frame == "NED"
-    one.update(samples(7, [1, 0, 0, 0], [0, 2, 0, 0]))
+    one.update(samples(7, [1, 0, 0, 0], [0, 1, 0, 0]))
     assert one.q_frame_from_body == (0, 1, 0, 0)
-    one.update(samples(7, [0, 0, 0, 0], [math.nan, 0, 0, 0]))
+    one.update(samples(7, [0, 2, 0, 0], [math.nan, 0, 0, 0]))
     assert one.q_frame_from_body == (0, 1, 0, 0)
     one.update(samples(8, [3.0]))
 

@@ -51,6 +51,7 @@ const FOUND: CalibrationReport = {
       [0, 0, 1],
     ],
     matrix_uncertainty: 0.001,
+    presupposes: "± holds for an even field.",
   },
   figures: [
     { name: "before", title: "Residual before", value: 17.77, uncertainty: null, unit: "µT" },

@@ -63,6 +63,7 @@ export function CalibrationResult({
           </table>
         )}
       </div>
+      {correction.presupposes && <p>{correction.presupposes}</p>}
       <p class="mono dim">{TEXT.equation}</p>
       <ul class="bullets">
         {report.notes.map((note) => (

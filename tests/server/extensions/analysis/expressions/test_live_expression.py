@@ -60,6 +60,8 @@ def stream(number: int, columns: int, *, gaps: bool = False) -> list[Floats]:
 
 def samples(*, gaps: bool = False) -> dict[int, list[Floats]]:
     results = {1: stream(1, 3, gaps=gaps), 2: stream(2, 1), 3: stream(3, 1, gaps=gaps), 4: stream(4, 4)}
+    norm = np.linalg.norm(results[4][2:], axis=0)
+    results[4][2:] = [part / norm for part in results[4][2:]]
     results[3][2] = (np.arange(len(results[3][2])) * 7.0 + 180) % 360 - 180
     return results
 
