@@ -4,7 +4,7 @@ A *level* summarises every 16 (64, 256, 1024, 4096) rows: the first of each cloc
 the greatest value, NaN left out; of a status word the bits set in any row and those set in all of them, so that a fault
 of one sample is visible at every zoom.
 
-    columns.bin     a block's clocks   key │ arrival │ time │ key, arrival of level 16 │ of level 64
+    columns.bin     a block's clocks   key │ arrival │ time │ place │ key, arrival of level 16 │ of level 64
                     and its values     own columns … │ low … high … of level 16 │ of level 64
     overview.bin    its clocks         key, arrival of level 256 │ of level 1024 │ of level 4096
                     and its values     low … high … of level 256 │ of level 1024 │ of level 4096
@@ -46,7 +46,7 @@ class LevelOffsets:
     """Offsets of the columns of each block of one channel: step (1, or of a level) → (blocks, columns) int64.
 
     Args:
-        clocks: of step 1 key, arrival, time; of a level key, arrival.
+        clocks: of step 1 key, arrival, time, place; of a level key, arrival.
         values: of step 1 the own columns; of a level their least values, then their greatest.
     """
 
@@ -63,7 +63,7 @@ def level_offsets(blocks: Array, sizes: Sequence[int]) -> LevelOffsets:
     """
     own, rows = np.array(sizes, np.int64), blocks["rows"].astype(np.int64)
     clock = np.full(2, CLOCK_BYTES)
-    near_clocks = {1: np.full(3, CLOCK_BYTES), **dict.fromkeys(NEAR_LEVELS, clock)}
+    near_clocks = {1: np.full(4, CLOCK_BYTES), **dict.fromkeys(NEAR_LEVELS, clock)}
     both = np.concatenate((own, own))
     return LevelOffsets(
         _begin(blocks["clocks"], rows, near_clocks)

@@ -12,8 +12,9 @@ A query reads the coarsest level with at least eight summaries for each bucket: 
 the whole column.
 
 `key` is the search key in the device base: device time mapped to host time, or the arrival if there is none, made
-non-decreasing, because a sample may carry a time older than its neighbours'. Quantities of one message have the same
-clocks, which are written once.
+non-decreasing, because a sample may carry a time older than its neighbours'. `place` is the position of the packet in
+its stream: rows with the same arrival and place came in one packet. Quantities of one message have the same clocks,
+which are written once.
 
 Stores are a cache: written to a temporary folder and renamed, never changed afterwards, deletable at any time. A store
 can be read while it is being made (`ColumnStoreWriter.show`): blocks are only added, and the index is replaced whole.
@@ -36,10 +37,10 @@ from imuscope.recordings.columns.downsampling import FAR_LEVELS, LEVELS, LevelOf
 from imuscope.recordings.system import atomic_write
 
 Base = Literal["device", "arrival"]
-Clock = Literal["key", "arrival", "time"]
-_CLOCKS: tuple[Clock, ...] = ("key", "arrival", "time")
+Clock = Literal["key", "arrival", "time", "place"]
+_CLOCKS: tuple[Clock, ...] = ("key", "arrival", "time", "place")
 
-VERSION = 3
+VERSION = 4
 BLOCK_ROWS = 1 << 16
 PER_BUCKET = 8  # least number of summaries in a bucket
 INDEX = np.dtype(
@@ -139,7 +140,7 @@ class ColumnStoreWriter:
         self._rows: dict[int, int] = {}
         self._newest: dict[int, float] = {}  # key of the last row written
         self._index: list[tuple[float, ...]] = []
-        self._written: deque[tuple[tuple[Array, Array, Array], tuple[int, int]]] = deque(maxlen=_MAX_CLOCKS)
+        self._written: deque[tuple[tuple[Array, ...], tuple[int, int]]] = deque(maxlen=_MAX_CLOCKS)
 
     def channel(self, number: int, shape: ChannelLayout) -> None:
         """Declare a channel, before its first rows."""
@@ -147,11 +148,16 @@ class ColumnStoreWriter:
         self._waiting[number] = []
         self._rows[number] = 0
 
-    def append(self, number: int, columns: Sequence[Array]) -> None:
-        """Append rows: `arrival`, `time` (unix s; NaN without a clock), then the channel's own columns."""
+    def append(self, number: int, columns: Sequence[Array], place: Array | None = None) -> None:
+        """Append rows: `arrival`, `time` (unix s; NaN without a clock), then the channel's own columns.
+
+        Args:
+            place: (n,) position of each row's packet in its stream; None for rows that came in no packet.
+        """
         if len(columns[0]) == 0:
             return
-        self._waiting[number].append(columns)
+        place = np.full(len(columns[0]), -1.0) if place is None else np.asarray(place, np.float64)
+        self._waiting[number].append([*columns[:2], place, *columns[2:]])
         self._rows[number] += len(columns[0])
         if self._rows[number] >= BLOCK_ROWS:
             self._write(number, everything=False)
@@ -230,9 +236,9 @@ class ColumnStoreWriter:
         key = np.where(np.isnan(time), arrival, time)
         key[0] = max(key[0], self._newest.get(number, -np.inf))
         key = np.maximum.accumulate(key)
-        clocks, far_clocks = self._clocks((key, arrival, time))
+        clocks, far_clocks = self._clocks((key, arrival, time, np.ascontiguousarray(columns[2])))
         values, far_values = self._near.at, self._far.at
-        own = [column.astype("<" + dtype, copy=False) for column, dtype in zip(columns[2:], shape.dtypes, strict=True)]
+        own = [column.astype("<" + dtype, copy=False) for column, dtype in zip(columns[3:], shape.dtypes, strict=True)]
         for array in own:
             self._near.put(array)
         low, high, step = own, own, 1
@@ -247,7 +253,7 @@ class ColumnStoreWriter:
         self._index.append((number, len(key), clocks, values, far_clocks, far_values, *ends))
         self._newest[number] = float(key[-1])
 
-    def _clocks(self, clocks: tuple[Array, Array, Array]) -> tuple[int, int]:
+    def _clocks(self, clocks: tuple[Array, ...]) -> tuple[int, int]:
         """Offsets of these clocks and their levels; written once if several quantities of a message share them."""
         for known, at in self._written:
             if all(np.array_equal(a.view(np.int64), b.view(np.int64)) for a, b in zip(known, clocks, strict=True)):

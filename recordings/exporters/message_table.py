@@ -5,10 +5,10 @@
                                                     t2    …         a2
                                                     t3    …         a3   b3
 
-They are joined by (time, arrival): an outer join, so nothing is left out; a quantity without a sample at a moment has
-an empty cell. If one has several rows at one moment, the first goes with the first of the others, and so on. Tables
-(`rows`: satellites) have many rows a moment by nature, and are kept separate. The two times are followed by the
-device's own clock for each row, and its UTC if known.
+They are joined by their packet (arrival and place in the stream): an outer join, so nothing is left out; a quantity
+without a sample in a packet has an empty cell. If one has several rows in a packet, the first goes with the first of
+the others, and so on. Tables (`rows`: satellites) have many rows a packet by nature, and are kept separate. The two
+times are followed by the device's own clock for each row, and its UTC if known.
 
 Memory: `windows` cuts the channels at common times so that about 65 536 rows of each are held at once.
 """
@@ -23,7 +23,7 @@ import pyarrow.compute as pc
 
 from imuscope.protocols.arrays import Array, Ints
 from imuscope.recordings.columns.payloads import BYTES
-from imuscope.recordings.columns.store import ColumnStore, ExactRows
+from imuscope.recordings.columns.store import Base, Clock, ColumnStore, ExactRows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep, with_unit
 from imuscope.recordings.exporters.topics import frame_of
 
@@ -75,6 +75,7 @@ class JoinedTable:
 
     time: Array
     arrival: Array
+    place: Array
     parts: list[ExactRows]
     at: list[Ints | None]  # None: the identity
 
@@ -159,13 +160,13 @@ def batches(request: ExportRequest, table: MessageTable, step: ExportStep) -> It
     done = 0
     heads = schema(table)
     own = sum(len(info["columns"]) for info in table.clocks)
-    for window in windows(request.columns, ranges):
+    for window in windows(request.columns, ranges, base="arrival"):
         parts = [request.exact(info, *window[number]) for number, info in infos.items()]
-        joined = join(parts)
+        joined = join(parts, [request.columns.clock(number, *window[number], "place") for number in infos])
         arrays = [pa.array(joined.time, mask=np.isnan(joined.time)), pa.array(joined.arrival)]
         if table.is_rows:
             for info in table.clocks:
-                arrays += of_their_moment(request.columns, info, joined)
+                arrays += of_their_packet(request.columns, info, joined.arrival, joined.place)
         arrays += [cells(values, missing) for values, missing in joined.columns()]
         arrays = [*arrays[:2], *map(known, arrays[2 : 2 + own]), *arrays[2 + own :]]
         if table.segments:
@@ -176,18 +177,27 @@ def batches(request: ExportRequest, table: MessageTable, step: ExportStep) -> It
         step(done / total)
 
 
-def of_their_moment(
-    columns: ColumnStore, clock: Mapping[str, Any], rows: JoinedTable | ExactRows
-) -> Iterator[pa.Array]:
-    """Clock reading of each row; rows of the same time share it."""
-    key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
-    lo, hi = columns.between(clock["id"], float(key.min()), float(key.max())) if len(key) else (0, 0)
+def of_their_packet(columns: ColumnStore, clock: Mapping[str, Any], arrival: Array, place: Array) -> Iterator[pa.Array]:
+    """Clock reading of each row; rows of one packet share it.
+
+    Args:
+        arrival, place: (n,) of the rows.
+    """
+    lo, hi = (
+        columns.between(clock["id"], float(arrival.min()), float(arrival.max()), "arrival") if len(arrival) else (0, 0)
+    )
     clock_rows = columns.exact(clock["id"], lo, hi)
-    keys = np.where(np.isnan(clock_rows.time), clock_rows.arrival, clock_rows.time)
-    at = np.minimum(np.searchsorted(keys, key), max(len(keys) - 1, 0))
-    missing = keys[at] != key if len(keys) else np.ones(len(key), bool)
+    n = len(clock_rows)
+    arrivals = np.concatenate((clock_rows.arrival, arrival))
+    places = np.concatenate((columns.clock(clock["id"], lo, hi, "place"), place))
+    order = np.lexsort((np.arange(len(places)) >= n, places, arrivals))  # a reading before the rows of its packet
+    newest = np.maximum.accumulate(np.where(order < n, np.arange(len(order)), -1))
+    at = np.empty(len(order), np.int64)
+    at[order] = np.where(newest < 0, -1, order[newest])
+    at = at[n:]
+    missing = (at < 0) | (arrivals[at] != arrival) | (places[at] != place)
     for column in clock_rows.columns:
-        values = column[at] if len(keys) else np.zeros(len(key), column.dtype)
+        values = column[np.maximum(at, 0)] if n else np.zeros(len(at), column.dtype)
         yield pa.array(values, mask=missing)
 
 
@@ -247,11 +257,12 @@ def frame_label(frame: str) -> str:
 
 
 def windows(
-    columns: ColumnStore, ranges: Mapping[int, JoinedRows], rows: int = WINDOW
+    columns: ColumnStore, ranges: Mapping[int, JoinedRows], rows: int = WINDOW, base: Base = "device"
 ) -> Iterator[dict[int, JoinedRows]]:
     """Cut channels at common times: every window has about `rows` rows of the busiest channel and the rows of the
-    others between the same two times. Rows of one time are never split.
+    others between the same two times of that base. Rows of one time are never split.
     """
+    clock: Clock = "key" if base == "device" else "arrival"
     at = {number: lo for number, (lo, _) in ranges.items()}
     while any(at[number] < hi for number, (_, hi) in ranges.items()):
         size = rows
@@ -261,10 +272,10 @@ def windows(
             for number, (_, hi) in ranges.items():
                 last = at[number] + size
                 if last < hi:
-                    bound = min(bound, float(columns.clock(number, last, last + 1)[0]))
+                    bound = min(bound, float(columns.clock(number, last, last + 1, clock)[0]))
             if np.isfinite(bound):
                 for number, (lo, hi) in window.items():
-                    window[number] = (lo, max(lo, min(hi, columns.between(number, bound, bound)[0])))
+                    window[number] = (lo, max(lo, min(hi, columns.between(number, bound, bound, base)[0])))
             if any(stop > start for start, stop in window.values()):
                 break
             size *= 2  # more rows of one time than fit into a window
@@ -272,45 +283,55 @@ def windows(
         at = {number: stop for number, (_, stop) in window.items()}
 
 
-def join(parts: Sequence[ExactRows]) -> JoinedTable:
-    """The rows of some channels as rows of one table."""
+def join(parts: Sequence[ExactRows], places: Sequence[Array]) -> JoinedTable:
+    """The rows of some channels as rows of one table; `places`: that of the packet of each row (ColumnStore.clock)."""
     first = parts[0]
-    if all(_alike(first, other) for other in parts[1:]):
-        return JoinedTable(first.time, first.arrival, list(parts), [None] * len(parts))
-    moments = [np.where(np.isnan(part.time), part.arrival, part.time) for part in parts]
-    key = np.concatenate(moments)
-    arrival = np.concatenate([part.arrival for part in parts])
-    nth = np.concatenate([_nth(moment, part.arrival) for moment, part in zip(moments, parts, strict=True)])
+    if all(
+        _alike(first, other) and np.array_equal(places[0], at) for other, at in zip(parts[1:], places[1:], strict=True)
+    ):
+        return JoinedTable(first.time, first.arrival, places[0], list(parts), [None] * len(parts))
     time = np.concatenate([part.time for part in parts])
-    order = np.lexsort((nth, arrival, key))
-    new = np.ones(len(order), bool)
-    for values in (key, arrival, nth):
-        new[1:] &= values[order][1:] == values[order][:-1]
-    new[1:] = ~new[1:]
+    arrival = np.concatenate([part.arrival for part in parts])
+    place = np.concatenate(places)
+    key = np.where(np.isnan(time), arrival, time)
+    nth = np.concatenate(
+        [_nth(*own) for own in zip(_parted(key, parts), [part.arrival for part in parts], places, strict=True)]
+    )
+    order = np.lexsort((nth, place, arrival, key))
+    new = np.zeros(len(order), bool)
+    new[:1] = True
+    for values in (key, arrival, place, nth):
+        new[1:] |= values[order][1:] != values[order][:-1]
     row = np.empty(len(order), np.int64)
     row[order] = np.cumsum(new) - 1
     rows = int(new.sum())
     at: list[Ints | None] = []
-    start = 0
-    for part in parts:
+    for own in _parted(row, parts):
         positions = np.full(rows, -1, np.int64)
-        positions[row[start : start + len(part)]] = np.arange(len(part))
+        positions[own] = np.arange(len(own))
         at.append(positions)
-        start += len(part)
-    return JoinedTable(time[order][new], arrival[order][new], list(parts), at)
+    firsts = order[new]
+    return JoinedTable(time[firsts], arrival[firsts], place[firsts], list(parts), at)
+
+
+def _parted(values: Array, parts: Sequence[ExactRows]) -> list[Array]:
+    """Values of the rows of all parts, part by part."""
+    return np.split(values, np.cumsum([len(part) for part in parts[:-1]]))
 
 
 def _alike(a: ExactRows, b: ExactRows) -> bool:
     return np.array_equal(a.arrival, b.arrival) and np.array_equal(a.time, b.time, equal_nan=True)
 
 
-def _nth(moment: Array, arrival: Array) -> Ints:
-    """Index of each row among the rows of the same time."""
-    order = np.lexsort((np.arange(len(moment)), arrival, moment))
+def _nth(key: Array, arrival: Array, place: Array) -> Ints:
+    """Index of each row among the rows of its packet, or of its time where it came in no packet."""
+    order = np.lexsort((np.arange(len(key)), place, arrival, key))
     same = np.zeros(len(order), bool)
-    same[1:] = (moment[order][1:] == moment[order][:-1]) & (arrival[order][1:] == arrival[order][:-1])
-    place = np.arange(len(order))
-    begins = np.maximum.accumulate(np.where(same, 0, place))
+    same[1:] = True
+    for values in (key, arrival, place):
+        same[1:] &= values[order][1:] == values[order][:-1]
+    index = np.arange(len(order))
+    begins = np.maximum.accumulate(np.where(same, 0, index))
     out = np.empty(len(order), np.int64)
-    out[order] = place - begins
+    out[order] = index - begins
     return out

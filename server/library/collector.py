@@ -102,11 +102,11 @@ class RecordingSink(EventSink):
             columns = piece.columns
             if self.by_arrival:
                 columns = [columns[0], columns[0], *columns[2:]]
-            self._writer.append(piece.channel, columns)
+            self._writer.append(piece.channel, columns, piece.place)
             if leading.setdefault((info.device, info.message), piece.channel) == piece.channel:
                 self.health_history.samples(info.device, info.message, piece.columns[0], piece.columns[1])
             if info.kind in ("quaternion", "matrix"):
-                self._angles(piece.channel, columns)
+                self._angles(piece.channel, columns, piece.place)
 
     def keep_computed(self, number: int, columns: Sequence[NDArray[Any]]) -> None:
         """Append rows of a computed signal: arrival, time, then its columns. They are not samples of the device."""
@@ -146,7 +146,7 @@ class RecordingSink(EventSink):
         """
         offset, *columns = (np.concatenate(column) for column in zip(*parts, strict=True))
         order = np.argsort(offset, kind="stable")
-        self._writer.append(number, [column[order] for column in columns])
+        self._writer.append(number, [column[order] for column in columns], offset[order])
 
     def _clock_of(
         self, device: str, message: Message, verified: bool, stored: Mapping[str, tuple[NDArray[Any], str]]
@@ -203,13 +203,13 @@ class RecordingSink(EventSink):
         info["columns"][0]["dtype"] = BYTES
         return info
 
-    def _angles(self, channel: int, columns: Sequence[NDArray[Any]]) -> None:
+    def _angles(self, channel: int, columns: Sequence[NDArray[Any]], place: NDArray[Any] | None) -> None:
         """Euler angles of rotations sent in another form (protocols/rotations.py)."""
         number = self._derived.get(channel)
         if number is None:
             number = self._derived[channel] = self._derive(self.infos[channel])
         if number:
-            self._writer.append(number, [*columns[:2], *euler_columns(columns[2:])])
+            self._writer.append(number, [*columns[:2], *euler_columns(columns[2:])], place)
 
     def _derive(self, source: wire.ChannelInfo) -> int:
         """The channel of Euler angles; 0 if they would be meaningless, without a level frame."""

@@ -55,9 +55,11 @@ class _Tables:
         plan = self._plans.get(form)
         if plan is None:
             plan = self._plans[form] = self._begin(rows)
+        before = self.counts.get(rows.table, 0)
+        place = np.arange(before, before + len(rows.time))
         for number, headings in plan:
             columns = [rows.columns[name][0] for name in headings]
-            self._writer.append(number, [rows.arrival, rows.time, *columns])
+            self._writer.append(number, [rows.arrival, rows.time, *columns], place)
             if number not in self._filled and any(np.isfinite(column).any() for column in columns):
                 self._filled.add(number)
             if number in self._whole and not all(map(_are_whole, columns)):
@@ -68,7 +70,7 @@ class _Tables:
             for number in np.unique(rows.segment[rows.segment > 0]).tolist():
                 begin = float(rows.time[rows.segment == number].min())
                 self.segments[number] = min(begin, self.segments.get(number, np.inf))
-        self.counts[rows.table] = self.counts.get(rows.table, 0) + len(rows.time)
+        self.counts[rows.table] = before + len(rows.time)
         self.first = min(self.first, float(rows.arrival.min()))
         self.last = max(self.last, float(rows.arrival.max()))
 

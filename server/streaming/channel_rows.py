@@ -36,10 +36,13 @@ class ColumnPlan:
 
 @dataclass(frozen=True, slots=True)
 class ChannelRows:
-    """Samples of one channel: `arrival` and `time` (unix seconds), then the channel's columns, in stream order."""
+    """Samples of one channel: `arrival` and `time` (unix seconds), then the channel's columns, in stream order; and the
+    `place` of each one's frame in the stream, None for computed ones.
+    """
 
     channel: int
     columns: list[Array]
+    place: Array | None = None
 
     def __len__(self) -> int:
         return len(self.columns[0])
@@ -63,6 +66,10 @@ class WireRows:
 
     def __len__(self) -> int:
         return len(self.arrival_ns)
+
+    @property
+    def place(self) -> Array:
+        return self._batch.offset
 
     @property
     def columns(self) -> list[Array]:

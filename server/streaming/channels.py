@@ -110,7 +110,7 @@ class ChannelRegistry:
             if cut.per_sample != 1:
                 arrival, time, offset = (np.repeat(one, cut.per_sample) for one in (arrival, time, offset))
             pieces.append((offset, [arrival, time, *values]))
-        return ChannelRows(plan.channel, _merged(pieces))
+        return ChannelRows(plan.channel, *_merged(pieces))
 
     def _plan(self, batch: Batch) -> list[ColumnPlan]:
         key = (id(batch.message), batch.verified)
@@ -194,12 +194,14 @@ def _name_beside_bytes(message: Message, rest: Sequence[Field]) -> str:
     return name if name.startswith(message.name) else f"{message.name}.{name}"
 
 
-def _merged(parts: list[tuple[Array, list[Array]]]) -> list[Array]:
-    """The pieces of one channel in the order of the stream (by offset; rows of one frame keep their order)."""
+def _merged(parts: list[tuple[Array, list[Array]]]) -> tuple[list[Array], Array]:
+    """The pieces of one channel in the order of the stream, and their offsets; rows of one frame keep their order."""
     if len(parts) == 1:
-        return parts[0][1]
-    order = np.argsort(np.concatenate([offset for offset, _ in parts]), kind="stable")
-    return [np.concatenate(column)[order] for column in zip(*(columns for _, columns in parts), strict=True)]
+        return parts[0][1], parts[0][0]
+    offset = np.concatenate([offset for offset, _ in parts])
+    order = np.argsort(offset, kind="stable")
+    columns = zip(*(columns for _, columns in parts), strict=True)
+    return [np.concatenate(column)[order] for column in columns], offset[order]
 
 
 def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:

@@ -65,9 +65,11 @@ def _table(request: ExportRequest, places: tuple[Place, Place], path: Path, step
     total, left_out, done = sum(past - first for first, past in ranges.values()), 0, 0
     with path.open("wb") as file:
         heading(file, HEADINGS)
-        for window in windows(request.columns, ranges):
+        for window in windows(request.columns, ranges, base="arrival"):
             parts = [request.columns.exact(place.channel, *window[place.channel]) for place in places]
-            joined = join(parts)
+            joined = join(
+                parts, [request.columns.clock(place.channel, *window[place.channel], "place") for place in places]
+            )
             values = np.full((len(joined.time), 6), np.nan)
             for first, place, part, at in zip((0, 3), places, parts, joined.at, strict=True):
                 own = values_of(place, [part.arrival, part.time, *part.columns])

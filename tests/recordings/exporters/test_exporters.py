@@ -269,7 +269,7 @@ def test_quantities_are_joined_by_time_and_arrival() -> None:
     nan = math.nan
     a = ExactRows(np.array([1.0, 2, 2, 3]), np.array([1.0, 2, 2, nan]), [np.array([10, 20, 21, 30])])
     b = ExactRows(np.array([2.0, 2, 2, 4]), np.array([2.0, 2, 2, nan]), [np.array([5, 6, 7, 8])])
-    joined = join([a, b])
+    joined = join([a, b], [np.full(4, -1.0), np.full(4, -1.0)])
     (va, ma), (vb, mb) = joined.columns()
     assert ma is not None
     assert mb is not None
@@ -278,7 +278,12 @@ def test_quantities_are_joined_by_time_and_arrival() -> None:
         for t, v, x, w, y in zip(joined.arrival, va, ma, vb, mb, strict=True)
     ]
     assert rows == [(1, 10, None), (2, 20, 5), (2, 21, 6), (2, None, 7), (3, 30, None), (4, None, 8)]
-    assert join([a, a]).at == [None, None]
+    assert join([a, a], [np.arange(4.0)] * 2).at == [None, None]
+    in_order = join([a, a], [np.arange(4.0), np.arange(1.0, 5.0)]).at
+    assert [one.tolist() for one in in_order if one is not None] == [
+        [0, -1, 1, 2, -1, 3, -1],
+        [-1, 0, -1, 1, 2, -1, 3],
+    ]
 
 
 def test_windows_split_no_instant_and_lose_no_row(tmp_path: Path) -> None:
