@@ -37,6 +37,7 @@ KINDS: Mapping[str, Kind] = {
     "bad-setting": Kind(400, "Invalid decode option."),
     "bad-subprotocol": Kind(0, "The WebSocket uses another version of the wire."),
     "too-many": Kind(422, "The request exceeds a limit of one: rows, samples, memory or time."),
+    "which-message": Kind(422, "Several messages of the device have a signal of that name."),
     "which-device": Kind(422, "The recording has several devices, and none was named."),
     "bad-expression": Kind(422, "The expression cannot be understood, or its parts do not fit."),
     "bad-query": Kind(422, "The question about a store is not valid SQL, does not only read, or exceeds its limits."),

@@ -3,7 +3,8 @@
     $GNRMC,103000.50,A,…,010126,…     time of day and date
     $GNGGA,103000.50,…                time of day; the date is that of the last sentence with one
     UBX-NAV-…                         time of week (iTOW, ms) in the first four bytes of the payload
-    UBX-NAV-PVT, -PVAT                and the date, which places the week
+    UBX-NAV-PVT, -PVAT, -TIMEUTC      and the date, which places the week, if the receiver marks it as valid
+    UBX-NAV-TIMEGPS, UBX-TIM-TP       and the GPS week; the time of TIM-TP is that of the next pulse
     $VNINS,333811.9,1694,…            time of week and week of VectorNav
 
 Until a date is known, times count from midnight, or from the start of the week. Midnight and the end of the week are
@@ -33,7 +34,11 @@ _UBX_HEAD_BYTES = 6  # bytes of a UBX frame before its payload
 _VERSION_FIRST = frozenset(
     {"NAV-HPPOSECEF", "NAV-HPPOSLLH", "NAV-EELL", "NAV-ODO", "NAV-RELPOSNED", "NAV-SVIN", "NAV-PL"}
 )
-DATES = {"NAV-PVT": (4, 16), "NAV-PVAT": (6, 20)}  # places of the date and of the fraction of its second, ns
+DATES = {"NAV-PVT": (4, 16, 11, 3), "NAV-PVAT": (6, 20, 5, 3), "NAV-TIMEUTC": (12, 8, 19, 4)}
+"""Places of the date, of the fraction of its second, ns, and of the flags that mark it as valid; and their bits."""
+_TIMEGPS_BYTES, _WEEK_VALID, _LEAP_VALID = 16, 2, 4
+_TIM_TP_BYTES, _IN_UTC = 16, 1
+_PULSE = "TIM-TP"
 CORRECTION_NS = S // 2  # the fraction of UTC and the time of week are rounded apart
 
 
@@ -46,12 +51,14 @@ class GnssTimes:
         time_ns: (n,) since 1970, or since an unknown midnight or week.
         is_dated: whether the last of them is since 1970.
         kind: "day" or "week": what the last of them counts in; "" without any.
+        elapsed_ns: (n,) since a midnight or start of a week that stays the same when the date becomes known.
     """
 
     offset: Ints
     time_ns: Ints
     is_dated: bool
     kind: str = ""
+    elapsed_ns: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(slots=True)
@@ -62,10 +69,13 @@ class GnssClock:
     _week_ns: int | None = None  # start of the current week, since 1970, by UTC
     _last: dict[str, int] = field(default_factory=dict)  # time of day or of week, by kind
     _turns: dict[str, int] = field(default_factory=dict)  # midnights or weeks passed without a date, ns
+    _first_ns: int | None = None  # the start that times without a date counted from
 
     def times(self, texts: Sequence[Text]) -> GnssTimes:
         """Times of those messages that have one, in order."""
         rows = [(text.offset, *one) for text in texts if (one := _time_of(text)) is not None]
+        pulses = [(text.offset, *one) for text in texts if text.name == _PULSE and (one := _of_pulse(text)) is not None]
+        rows = rows or pulses
         if len({kind for _, kind, _, _ in rows}) > 1:
             dated = {kind for _, kind, _, date in rows if date is not None}
             is_week = (
@@ -74,8 +84,8 @@ class GnssClock:
             rows = [
                 row for row in rows if (row[1] == "week") == is_week
             ]  # one clock, not two that differ by a leap second
-        self._learn([(kind, within, date) for _, kind, within, date in rows])
-        times = []
+        self._learn([(kind, within, date) for _, kind, within, date in (*rows, *pulses)])
+        times, firsts = [], []
         is_dated = False
         for _, kind, within, date in rows:
             if date is not None:
@@ -85,9 +95,14 @@ class GnssClock:
             self._last[kind] = within
             start = self._midnight_ns if kind == "day" else self._week_ns
             is_dated = start is not None
+            if start is not None and self._first_ns is None:
+                self._first_ns = start - self._turns.get(kind, 0)
             times.append(within + (start if start is not None else self._turns.get(kind, 0)))
+            firsts.append(self._first_ns or 0)
         offsets = np.array([row[0] for row in rows], np.int64)
-        return GnssTimes(offsets, np.array(times, np.int64), is_dated, rows[-1][1] if rows else "")
+        time_ns = np.array(times, np.int64)
+        kind = rows[-1][1] if rows else ""
+        return GnssTimes(offsets, time_ns, is_dated, kind, time_ns - np.array(firsts, np.int64))
 
     def _learn(self, rows: Sequence[tuple[str, int, int | None]]) -> None:
         """Take the first date for the messages before it."""
@@ -148,9 +163,13 @@ def _of_week(cells: Sequence[str]) -> tuple[str, int, int | None] | None:
     if seconds is None or not 0 <= seconds < WEEK_NS // S or not week or not 0 < week < 1 << 16:
         return None
     within = round(seconds * 1e9)
-    time_ns = GPS_EPOCH_NS + int(week) * WEEK_NS + within
-    ahead = next(leaps for begin, leaps in LEAPS if time_ns >= (begin + leaps) * S)
-    return "week", within, time_ns - ahead * S
+    return "week", within, _utc_of_week(int(week), within)
+
+
+def _utc_of_week(week: int, within: int) -> int:
+    """Week and time of week of GPS as UTC, ns since 1970."""
+    time_ns = GPS_EPOCH_NS + week * WEEK_NS + within
+    return time_ns - next(leaps for begin, leaps in LEAPS if time_ns >= (begin + leaps) * S) * S
 
 
 def _time_of_day(cell: str) -> int | None:
@@ -182,8 +201,35 @@ def _of_frame(name: str, line: str) -> tuple[str, int, int | None] | None:
     within = int.from_bytes(payload[:4], "little") * 1_000_000
     if within >= WEEK_NS:
         return None
-    at, nano_at = DATES.get(name, (0, 0))
-    return "week", within, _date(payload, at, nano_at) if at and len(payload) >= nano_at + 4 else None
+    if name == "NAV-TIMEGPS":
+        return "week", within, _of_gps_time(payload, within)
+    at, nano_at, valid_at, bits = DATES.get(name, (0, 0, 0, 0))
+    is_valid = at > 0 and len(payload) >= max(nano_at + 4, valid_at + 1) and payload[valid_at] & bits == bits
+    return "week", within, _date(payload, at, nano_at) if is_valid else None
+
+
+def _of_gps_time(payload: bytes, within: int) -> int | None:
+    """UTC by the week, and the leap seconds of the message if it has them."""
+    if len(payload) < _TIMEGPS_BYTES or not payload[11] & _WEEK_VALID:
+        return None
+    week, leaps = int.from_bytes(payload[8:10], "little"), int.from_bytes(payload[10:11], "little", signed=True)
+    if not payload[11] & _LEAP_VALID:
+        return _utc_of_week(week, within)
+    return GPS_EPOCH_NS + week * WEEK_NS + within - leaps * S
+
+
+def _of_pulse(text: Text) -> tuple[str, int, int | None] | None:
+    """Time of the next pulse, and its date."""
+    payload = bytes.fromhex(text.line)[_UBX_HEAD_BYTES:-2]
+    if len(payload) < _TIM_TP_BYTES or (within := int.from_bytes(payload[:4], "little") * 1_000_000) >= WEEK_NS:
+        return None
+    week = int.from_bytes(payload[12:14], "little")
+    if not week:
+        return "week", within, None
+    if payload[14] & _IN_UTC:  # both count from the epoch of GPS
+        start = GPS_EPOCH_NS + week * WEEK_NS
+        return "week", within, start + within
+    return "week", within, _utc_of_week(week, within)
 
 
 def _date(payload: bytes, at: int, nano_at: int) -> int | None:

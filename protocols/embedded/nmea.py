@@ -30,13 +30,16 @@ from imuscope.protocols.events import LazyMapping, ParsedMessage
 from imuscope.protocols.schema.fields import Field, Message
 
 MAX_SENTENCE_BYTES = 192  # the standard says 82; $PSONCMS needs 132
-_BODY = re.compile(rb"[$!]([\x20\x22\x23\x25-\x7e]{0,188})(\r?\n)?")  # printable, no other start
+_BODY = re.compile(rb"[$!]([\x20\x22\x23\x25-\x7e]{0,188})(\r{0,2}\n)?")  # printable; \r\r\n: in text mode, twice
 _ADDRESS = re.compile(rb"[$!]([A-Z][A-Z0-9]{2,9})[,*]")
 _SUM = re.compile(rb"\*([0-9A-Fa-f]{2})$")
 _STARTS = re.compile(rb"[$!]")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # Python's float also accepts "1_0" and "inf"
 _WHOLE = re.compile(r"[+-]?\d{1,20}", re.ASCII)
 STARTS = re.compile(rb"[$!][A-Z]")  # start of anything treated as a sentence, valid or broken
+
+_NUMBER_KINDS = frozenset({"DE", "IN", "LA", "LN"})  # types of pynmeagps
+SATELLITES_OF_GSV = 4  # at most in one sentence; pynmeagps counts those that are there
 
 SOURCE = "MT0101P 2020.A, 5.3.5 SetStringOutputType"
 UNCHECKED = frozenset({"PRDID", "HEHDT"})  # without a checksum in that table; accepted with and without
@@ -198,7 +201,7 @@ def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMess
         else:
             end = body.end(1)
             left = len(data) - end
-            cut_short = left == 0 or (left == 1 and data[end] == 0x0D)
+            cut_short = left == 0 or (left <= 2 and data[end:] == b"\r" * left)
             if cut_short and end - begin <= MAX_SENTENCE_BYTES - 4 and not final:
                 return messages, begin
             if _ADDRESS.match(data, begin):
@@ -299,6 +302,33 @@ def _standard(line: bytes, content: bytes) -> dict[str, Any]:
     if message is None:
         return {f"field_{i:02d}": word or None for i, word in enumerate(_text(content).split(",")[1:], 1)}
     return {name: _plain(value) for name, value in vars(message).items() if not name.startswith("_")}
+
+
+@functools.lru_cache(maxsize=256)
+def number_names(name: str, word: str) -> tuple[str, ...]:
+    """Names of the numbers that a sentence has room for, whether or not it fills them; none if no table has it.
+
+    Args:
+        word: its first field, which is a part of the address of some makers' sentences.
+    """
+    if name in SENTENCES:
+        return tuple(row.name for row in SENTENCES[name].fields if row.dtype != "ascii")
+    from pynmeagps import NMEA_PAYLOADS_GET
+    from pynmeagps.nmeatypes_get_prop import NMEA_PAYLOADS_GET_PROP
+
+    makers = NMEA_PAYLOADS_GET_PROP.get(f"{name[1:]}{word}".upper()) or NMEA_PAYLOADS_GET_PROP.get(name[1:])
+    names: list[str] = []
+    for field, kind in ((makers if name.startswith("P") else NMEA_PAYLOADS_GET.get(name[2:])) or {}).items():
+        if isinstance(kind, str):
+            names += [field] if kind in _NUMBER_KINDS else []
+            continue
+        times, group = kind
+        if name.endswith("GSV"):
+            times = SATELLITES_OF_GSV
+        elif not isinstance(times, int):
+            times = 0 if times == "None" else MAX_SENTENCE_BYTES // (2 * len(group))  # more do not fit into a line
+        names += [f"{one}_{i:02d}" for i in range(1, times + 1) for one in group if group[one] in _NUMBER_KINDS]
+    return tuple(names)
 
 
 def _plain(value: Any) -> Any:

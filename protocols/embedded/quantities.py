@@ -8,8 +8,12 @@ A sentence gives names and numbers (protocols/embedded/nmea.py, protocols/xbus/b
 quantities by name, for any sentence. Numbers along axes are one quantity, as in a device's own messages: an orientation
 is drawn as one. A name that is not listed is shown unchanged.
 
+The columns of a message follow from its definition, never from the fields that are filled: a receiver without a fix
+leaves most of them empty, and one at rest its course. An empty field is NaN.
+
 The numbers of a sentence that no table knows are shown by their places, field_01, field_02 …, without units. If its
-first field is a word ($PIXSE,ATITUD,…), this is part of the name: other words there mean other numbers.
+first field is a word ($PIXSE,ATITUD,…), this is part of the name: other words there mean other numbers. So are the
+names of the transducers in a sentence XDR.
 
 A number whose sign is a letter in the next field gets it here: `$PHTRO,10.37,P` is a pitch of −10.37°. The sentence
 itself keeps both as on the wire.
@@ -25,8 +29,8 @@ from typing import Any
 
 import numpy as np
 
-from imuscope.protocols.embedded.nmea import SENTENCES, number_of
-from imuscope.protocols.embedded.ubx_content import FIRST_TAG, TAG, fields_of, samples_of
+from imuscope.protocols.embedded.nmea import SENTENCES, number_names, number_of
+from imuscope.protocols.embedded.ubx_content import TAG, fields_of, samples_of
 from imuscope.protocols.events import Batch, Text
 from imuscope.protocols.schema.fields import Field, Message
 
@@ -40,6 +44,7 @@ UNNAMED = "field_01"  # of a sentence that no table knows
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9]{1,9}")
 _UNKNOWN = "imuscope does not know this sentence: its numbers are shown by their places."
 _TICKS = "All samples of a message have its time; sTtag counts ticks of the sensor, whose length is not documented."
+_ABSENT = frozenset({"", "nan", "-nan", "inf", "-inf", "-", "--", "n/a"})  # cells of a number that there is not
 _MAX_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
 
 
@@ -142,8 +147,16 @@ class NmeaQuantities:
             samples = [_numbers(fields)]
             if text.protocol == "nmea" and UNNAMED in fields:
                 name, samples[0] = self._unnamed(name, fields)
-            elif text.protocol == "ubx" and FIRST_TAG in fields:
-                samples = samples_of(fields)
+            elif text.protocol == "nmea":
+                word = next(iter(fields.values()), "") if name.startswith("P") else ""
+                columns = number_names(name, word if isinstance(word, str) else "")
+                if name.endswith("XDR"):
+                    name = "_".join((name, *_transducers(fields)))
+                    columns = tuple(field for field in fields if field.startswith("data_"))
+                if not fields.keys().isdisjoint(columns):
+                    samples[0] = {**dict.fromkeys(columns, math.nan), **samples[0]}
+            elif text.protocol == "ubx":
+                samples = samples_of(name, fields) or samples
             for numbers in samples:
                 if numbers.keys() - _ABOUT_FRAME:
                     kinds.setdefault((text.protocol, name, *numbers), []).append((text, list(numbers.values())))
@@ -154,9 +167,10 @@ class NmeaQuantities:
         word = fields[UNNAMED] or ""
         kind = f"{name}_{word}" if _WORD.fullmatch(word) else name
         numbers = {place: number for place, cell in fields.items() if (number := number_of(cell or "")) is not None}
+        empty = {place for place, cell in fields.items() if (cell or "").strip().lower() in _ABSENT}
         if kind not in self._places and len(self._places) >= _MAX_KINDS:
             self._places.clear()
-        places = self._places.setdefault(kind, [])
+        places = self._places.setdefault(kind, sorted(empty) if numbers else [])
         places += sorted(numbers.keys() - set(places))
         return kind, {place: numbers.get(place, math.nan) for place in sorted(places)} if numbers else {}
 
@@ -201,6 +215,12 @@ def _named(name: str, own: Field | None) -> Field:
     return Field(
         name, "f8", unit=row.unit, decimals=row.decimals, period=row.period, title=row.title, doc=row.title or row.doc
     )
+
+
+def _transducers(fields: Mapping[str, Any]) -> list[str]:
+    """Names of the transducers in a sentence XDR, or their types."""
+    places = (name.rpartition("_")[2] for name in fields if name.startswith("data_"))
+    return [str(fields.get(f"tdrid_{place}") or fields.get(f"tdrtype_{place}") or place) for place in places]
 
 
 def _numbers(fields: Mapping[str, Any]) -> dict[str, float]:

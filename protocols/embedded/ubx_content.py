@@ -14,7 +14,7 @@ documented: it is a column, and all samples of a message have the time of the me
 import functools
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 
@@ -23,9 +23,6 @@ from imuscope.protocols.schema.fields import Field
 _CODES = {"U1": "B", "U2": "H", "U4": "I", "I1": "b", "I2": "h", "I4": "i", "R4": "f", "R8": "d"}
 TAG, _RAW_AT, _RAW_SIZE, _MAX_SAMPLES = "sTtag", 4, 8, 99  # of ESF-RAW; samples of a message
 _MEASURED, _FLAGS_AT, _DATA_AT, _TYPE_AT = "MEASUREMENT", 4, 8, 24  # of ESF-MEAS: bytes, and bit of a number's type
-
-
-FIRST_TAG = f"{TAG}_01"
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,11 +138,29 @@ def _samples(payload: bytes) -> list[dict[str, float | int]]:
     return samples
 
 
-def samples_of(fields: Mapping[str, float | int]) -> list[dict[str, float]]:
-    """Samples of ESF-RAW by its fields; NaN for a number that only others have."""
-    samples: dict[str, dict[str, float]] = {}
-    for name, value in fields.items():
-        field, _, number = name.rpartition("_")
-        samples.setdefault(number, {})[field] = float(value)
-    names = dict.fromkeys(name for sample in samples.values() for name in sample)
-    return [{name: sample.get(name, math.nan) for name in names} for sample in samples.values()]
+def samples_of(name: str, fields: Mapping[str, float | int]) -> list[dict[str, float]]:
+    """Samples of the sensors in ESF-MEAS or ESF-RAW by its fields, one for each sensor: which sensors are in a message
+    differs from message to message. NaN for an axis that is missing; nothing for other messages.
+    """
+    if name not in ("ESF-MEAS", "ESF-RAW"):
+        return []
+    numbered: dict[str, dict[str, float]] = {}
+    for full, value in fields.items():
+        field, _, number = full.partition("_")
+        numbered.setdefault(number, {})[field] = float(value)
+    about = (TAG,) if name == "ESF-RAW" else ()
+    return [
+        {field: sample.get(field, math.nan) for field in (*about, *sensor)}
+        for sample in numbered.values()
+        for sensor in _sensors()
+        if not sample.keys().isdisjoint(sensor)
+    ]
+
+
+@functools.cache
+def _sensors() -> Sequence[Sequence[str]]:
+    """Measurements of one sensor each: its axes, or its only number."""
+    sensors: dict[str, list[str]] = {}
+    for field, _ in _measurements().values():
+        sensors.setdefault(field.name.rstrip("XYZ"), []).append(field.name)
+    return [sorted(names) for names in sensors.values()]

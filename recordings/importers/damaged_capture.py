@@ -11,7 +11,14 @@ from imuscope.protocols.registry.families import PROTOCOLS, permissive_decoder
 MIN_FRAMES = 5  # frames
 MIN_SHARE = 0.8  # of the frames or lines are such
 UBX, UBX_SIZE = b"\xb5\x62", 8  # mark of a frame, and its bytes beside the payload
+_COMMENTS = re.compile(rb"\A(?:\xef\xbb\xbf)?(?:[ \t]*(?:#[^\r\n]*)?[\r\n]+)*+[ \t]*")
 _SENTENCE = re.compile(rb"^[$!][A-Z][A-Z0-9]{2,9},[^*\r\n]*(\*[0-9A-Fa-f]{2})?\s*$")
+
+
+def without_comments(data: bytes) -> bytes:
+    """The first bytes of a file without blank lines and comments above sentences of NMEA; others as they are."""
+    rest = _COMMENTS.sub(b"", data, 1)
+    return rest if rest.startswith(b"$") else data
 
 
 def has_unchecked_sentences(data: bytes) -> bool:

@@ -31,6 +31,7 @@ from imuscope.recordings.importers.damaged_capture import (
     damaged_frames,
     damaged_sentences,
     has_unchecked_sentences,
+    without_comments,
 )
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.records import MAGIC
@@ -98,8 +99,7 @@ class CaptureSource:
         self.devices = {DEVICE: SourceDevice(DEVICE, self.protocol, {"source": self.path.name, **about})}
 
     def _recognise(self, score: float) -> str:
-        with open_regular(self.path) as file:
-            guesses = detect(file.read(GUESS_BYTES))
+        guesses = detect(_first_bytes(self.path))
         return guesses[0].protocol if guesses and guesses[0].score >= score else ""
 
     def _bytes(self) -> BinaryIO:
@@ -167,7 +167,7 @@ class SentenceSource(CaptureSource):
 
     def _recognise(self, score: float) -> str:
         with closing(self._bytes()) as file:
-            guesses = detect(file.read(GUESS_BYTES))
+            guesses = detect(without_comments(file.read(GUESS_BYTES)))
         return guesses[0].protocol if guesses and guesses[0].score >= score else ""
 
     def _bytes(self) -> BinaryIO:
@@ -311,7 +311,7 @@ def open_file(
     if suffix in TABLES:
         if not protocol and _is_no_table(path, head):
             raise _unknown(path, head)
-        if not protocol and head.lstrip().startswith(b"$"):
+        if not protocol and _first_bytes(path).startswith(b"$"):
             capture = CaptureSource([path], "bin")
             return capture if capture.protocol else _sentences(path) or _table(request)
         return CaptureSource([path], "bin", protocol) if protocol else _table(request)
@@ -333,9 +333,8 @@ def _sentences(path: Path) -> CaptureSource | None:
     Raises:
         RecordingError: their checksums are wrong.
     """
-    with open_regular(path) as file:
-        data = file.read(GUESS_BYTES)
-    if not data.lstrip().startswith(b"$"):
+    data = _first_bytes(path)
+    if not data.startswith(b"$"):
         return None
     if has_unchecked_sentences(data):
         source = SentenceSource([path], "bin")
@@ -343,6 +342,11 @@ def _sentences(path: Path) -> CaptureSource | None:
     if words := damaged_sentences(data):
         raise _damaged(path, words)
     return None
+
+
+def _first_bytes(path: Path) -> bytes:
+    with open_regular(path) as file:
+        return without_comments(file.read(GUESS_BYTES))
 
 
 def _damaged(path: Path, frames: str) -> RecordingError:

@@ -22,7 +22,6 @@ from imuscope.protocols.clocks.capture_clock import CaptureClock
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
 from imuscope.protocols.clocks.host_timestamps import StampClock
-from imuscope.protocols.embedded.quantities import NmeaQuantities
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
 from imuscope.protocols.family.info import DeviceTraits, StreamTraits
 from imuscope.protocols.framing.stream_buffer import REFUSED
@@ -31,6 +30,7 @@ from imuscope.server.devices.device.event_reporter import EventReporter
 from imuscope.server.devices.device.jitter_causes import cause_of
 from imuscope.server.devices.device.link_stats import LinkStatistics
 from imuscope.server.devices.device.losses import LossReporter
+from imuscope.server.devices.device.sentence_clock import SentenceRows
 from imuscope.server.devices.device.utc_time import Dating
 from imuscope.server.links.base import Link
 from imuscope.server.links.line_timing import byte_time_ns, holds_ns, port_of
@@ -182,7 +182,6 @@ class Ingest:
         self._identify = identify
         self._line = line
         self._counts_rejects = counts_rejects
-        self._sentences = NmeaQuantities()
         self._rejects_before = 0  # since the last good frame
         self._losses = LossReporter(figures, incidents, sink.now, kind=line.kind, capacity=line.capacity)
         if about.stream.output_changes is not None:
@@ -193,6 +192,8 @@ class Ingest:
             self.clock = StampClock()
         elif line.timed:
             self.clock = ClockSync(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
+        receiver = ClockSync(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns)
+        self._sentences = SentenceRows(receiver if line.timed else None, line.by_gnss)
         self._clock_set_ns = 0  # total adjustment of a device clock that continued to count
         self._resets: deque[float] = deque(maxlen=MAX_RESETS)  # unix s
         self._breaks: list[float] = []  # restarts of the clock mapping that are not reported yet, unix s
@@ -213,19 +214,18 @@ class Ingest:
         times = self._host_times(batches, steps)
         if self._kinds is not None:
             self._update_identity(events, self._kinds)
-        by_gnss = not self._line.timed and self._line.by_gnss()
-        sentence_rows = [
-            (batch, batch.arrival_ns / 1e9 if by_gnss else np.full(len(batch), np.nan))
-            for batch in self._sentences.batches(texts)
-        ]
+        sentences = self._sentences.rows(texts, is_alone=self._kinds is not None)
         full = self._channels.is_full
-        self._sink.publish(self._channels.split([*zip(batches, times, strict=True), *sentence_rows]))
+        self._sink.publish(
+            self._channels.split([*zip(batches, times, strict=True), *((one.batch, one.time) for one in sentences)])
+        )
         if self._channels.is_full and not full:
             words = f"More than {MAX_CHANNELS} quantities from one device: further ones are counted, not shown."
             self._events.report("device", "warning", words, data={"most": MAX_CHANNELS})
         if (archive := self._sink.archive) is not None:
             dated = zip(batches, times, self._dating.utc_of(batches, steps), strict=True)
-            archive.keep_clocks(self._channels.device, list(dated))
+            received = [(one.batch, one.time, one.utc) for one in sentences if one.utc is not None]
+            archive.keep_clocks(self._channels.device, [*dated, *received])
         for batch, time in zip(batches, times, strict=True):
             self._stats.count_batch(batch)
             self.samples += len(batch)

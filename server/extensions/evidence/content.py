@@ -19,7 +19,7 @@ from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, requested_signals
 from imuscope.server.extensions.analysis.noise.registry import analysis_named
 from imuscope.server.extensions.analysis.noise.report import figures_of
-from imuscope.server.extensions.analysis.signals.signals import Signal, SignalColumn, recorded_samples
+from imuscope.server.extensions.analysis.signals.signals import Signal, SignalColumn, is_shared, recorded_samples
 from imuscope.server.extensions.evidence.position import (
     Scrubber,
     names_position,
@@ -310,10 +310,12 @@ def all_plots(infos: Iterable[ChannelInfo], devices: int) -> list[EvidencePlot]:
     """Plots of the channels, in their order.
 
     Args:
-        devices: number of devices; with several, titles and signals name theirs.
+        devices: number of devices; with several, titles and signals name theirs, and where several messages have
+            channels of one name, these.
     """
     plots: list[EvidencePlot] = []
-    for info in infos:
+    known = list(infos)
+    for info in known:
         if info.kind not in KINDS:
             continue
         units: dict[str, list[ColumnInfo]] = {}
@@ -323,16 +325,20 @@ def all_plots(infos: Iterable[ChannelInfo], devices: int) -> list[EvidencePlot]:
                 units.setdefault(column.unit or info.unit, []).append(column)
         for unit, columns in units.items():
             for first in range(0, len(columns), _CURVES_PER_PLOT):
-                plots.append(_plot(info, unit, columns[first : first + _CURVES_PER_PLOT], len(units) > 1, devices))
+                some = columns[first : first + _CURVES_PER_PLOT]
+                plots.append(_plot(info, unit, some, len(units) > 1, devices, is_shared(info, known)))
     return plots[:MAX_SIGNALS]
 
 
-def _plot(info: ChannelInfo, unit: str, columns: list[ColumnInfo], is_part: bool, devices: int) -> EvidencePlot:
+def _plot(
+    info: ChannelInfo, unit: str, columns: list[ColumnInfo], is_part: bool, devices: int, is_shared: bool
+) -> EvidencePlot:
     title = info.title or info.name
-    words = [title, info.group, f"device {info.device}" if devices > 1 else ""]
+    words = [title, info.message if is_shared else "", info.group, f"device {info.device}" if devices > 1 else ""]
     if is_part:
         words.append(", ".join(column.label or column.name for column in columns))
     prefix = f"{info.device}/" if devices > 1 else ""
+    prefix += f"{info.message}/" if is_shared else ""
     series = [
         EvidenceSeries(
             f"{prefix}{info.name}.{column.name}",

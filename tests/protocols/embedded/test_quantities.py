@@ -132,6 +132,49 @@ def test_numbers_of_an_unknown_sentence_are_shown_by_their_places() -> None:
     assert quantities.batches(unknown("PTEXT,hello,N", "PMTK010")) == []
 
 
+PRESENT_OR_EMPTY = [  # lines of one sentence, and what the first ones lack
+    ("GPRMC,100000,A,4800.0,N,01100.0,E,0.02,,020326,,,A", "GPRMC,100001,A,4800.0,N,01100.0,E,1.5,91,020326,,,A"),
+    ("GPRMC,100000,A,4800.0,N,01100.0,E,0.02,,020326", "GPRMC,100001,A,4800.0,N,01100.0,E,1.5,91,020326,1.0,W,A,V"),
+    ("GNRMC,,V,,,,,,,,,,N", "GNRMC,100001,A,4800.0,N,01100.0,E,1.5,91,020326,,,A"),
+    ("GNGGA,,,,,,0,00,99.9,,,,,,", "GNGGA,100001,4800.0,N,01100.0,E,1,08,1.0,5.0,M,47.0,M,1.0,0001"),
+    ("GPGSV,2,2,05,01,,,", "GPGSV,2,1,05,01,5,6,40,02,5,6,,03,5,6,41,04,5,6,42", "GPGSV,1,1,00"),
+    ("GNGSA,A,1,,,,,,,,,,,,,99.9,99.9,99.9", "GNGSA,A,3,01,02,,,,,,,,,,,1.0,1.1,1.2,1"),
+    ("GPVTG,,T,,M,0.02,N,0.04,K,A", "GPVTG,91.0,T,90.0,M,1.5,N,2.8,K,A"),
+    ("GPGST,100000,,,,,,,", "GPGST,100001,1.0,2.0,1.0,45.0,1.0,1.0,2.0"),
+    ("PUBX,00,100000,,,,,,NF,,,,,,,,,,0,0,0", "PUBX,00,100001,4800.0,N,01100.0,E,5.0,G3,1,2,3,4,5,,1,1,1,9,0,0"),
+    ("PASHR,100000,,T,,,,,,,0", "PASHR,100001,224.19,T,-1.26,0.83,0.00,0.101,0.113,0.267,1,0"),
+    ("HCHDG,101.1,,,,", "HCHDG,101.1,7.5,W,3.2,E"),
+    ("PSONCMS,0.99,0.01,,,,,,,,,,,,", "PSONCMS,0.99,0.01,0,0,0,0,9.81,0,0,0,1,0,0,25.0"),
+    ("VNYPR,,,", "VNYPR,1.0,2.0,3.0"),
+    ("PTNTHPR,,N,-0.9,N,nan,N", "PTNTHPR,86.9,N,,N,0.9,N"),
+    ("YXXDR,A,,D,PTCH,A,2.0,D,ROLL", "YXXDR,A,1.0,D,PTCH,A,,D,ROLL"),
+]
+
+
+@each_row("lines", PRESENT_OR_EMPTY, ids=lambda lines: lines[0].partition(",")[0])
+def test_a_sentence_with_an_empty_field_is_not_split_into_two_messages(lines: tuple[str, ...]) -> None:
+    """Regression: an RMC without a course, at rest, was another message than the others: columns lat and lat #2."""
+    for order in (lines, lines[::-1]):
+        quantities = NmeaQuantities()
+        batches = [batch for line in order for batch in quantities.batches(unknown(line))]
+        assert len({id(batch.message) for batch in batches}) == 1
+        assert [len(batch) for batch in batches] == [1] * len(lines)
+
+
+def test_two_transducers_are_not_one_column() -> None:
+    batches = NmeaQuantities().batches(unknown("YXXDR,A,1.0,D,PTCH", "YXXDR,A,2.0,D,ROLL", "YXXDR,A,3.0,D,PTCH"))
+    values = {batch.message.name: batch.columns["data_01"].tolist() for batch in batches}
+    assert values == {"YXXDR_PTCH": [1.0, 3.0], "YXXDR_ROLL": [2.0]}
+
+
+def test_measurements_of_one_sensor_do_not_depend_on_those_of_another() -> None:
+    """Regression: in ESF-MEAS, the sensors that a message happened to hold were its layout."""
+    turn, force = {"gyroX": 1.0, "gyroY": 2.0, "gyroZ": 3.0}, {"accelX": 4.0, "accelY": 5.0, "accelZ": 6.0}
+    fields = [turn, {**force, **turn}, {"speed": 1.0, **turn}]
+    batches = NmeaQuantities().batches([Text("ubx", "ESF-MEAS", "", at, 1, 1, one) for at, one in enumerate(fields)])
+    assert sorted(len(batch) for batch in batches) == [1, 1, 3]
+
+
 def test_packed_bits_are_no_numbers() -> None:
     ais = Text("nmea", "AIVDM", "!AIVDM,1,1,,A,177KQJ5000G?tO`K>RA1wUbN0TKH,0*5C", 0, 1, 1, {"field_01": "1"})
     assert NmeaQuantities().batches([ais]) == []

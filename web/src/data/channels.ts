@@ -51,6 +51,8 @@ export class ChannelRegistry {
   readonly living: Signal<readonly Channel[]> = signal([]);
   readonly #sources = new Map<number, Source>();
   readonly #derived = new Map<number, Channel>();
+  /** The messages that each name of each device came in. */
+  readonly #messages = new Map<string, Set<string>>();
   /** Display frame of all channels; undefined: as each device sends it. */
   #frame: WorldFrame | undefined;
   readonly #ringOf: (info: ChannelInfo) => Ring;
@@ -76,6 +78,11 @@ export class ChannelRegistry {
     return source && (source.norm ? { ...source.sent, columns: source.sent.columns.slice(0, -1) } : source.sent);
   }
 
+  /** Whether another message of its device has sent a channel of that name. */
+  isShared({ device, name }: ChannelInfo): boolean {
+    return (this.#messages.get(`${device} ${name}`)?.size ?? 0) > 1;
+  }
+
   /** The rings of a device, including derived channels. */
   ringsOf(device: string): readonly Ring[] {
     return [...this.#sources.values(), ...this.#derived.values()]
@@ -93,6 +100,8 @@ export class ChannelRegistry {
   /** Add new channels; known ones stay. */
   add(infos: readonly ChannelInfo[]): void {
     for (const plain of infos) {
+      const key = `${plain.device} ${plain.name}`;
+      this.#messages.set(key, (this.#messages.get(key) ?? new Set()).add(plain.message));
       if (this.#sources.has(plain.id)) continue;
       const sent = withNorm(plain);
       this.#sources.set(sent.id, {
@@ -139,6 +148,7 @@ export class ChannelRegistry {
   /** Forget all channels; their rings have been handed over. */
   clear(): void {
     this.#sources.clear();
+    this.#messages.clear();
     this.#derived.clear();
     this.living.value = [];
   }

@@ -3,6 +3,8 @@ import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, ColumnInfo, DeviceInfo, EventInfo } from "../wire/types";
 import { channelInfo, columnInfo, eventInfo } from "../testing/fixtures";
 import { sampleFrame } from "../testing/samples";
+import { liveSource } from "../measure/sample-access";
+import { isShared } from "../signals/names";
 import { Store } from "./store";
 
 const column = (name: string, axis: ColumnInfo["axis"] = "", unit = ""): ColumnInfo => columnInfo({ name, axis, unit });
@@ -70,6 +72,15 @@ it("keeps the newest channel of a name", () => {
   expect(store.channels.value.map(({ info: { id } }) => id).sort()).toEqual([-3, 2, 5]);
   send(store, frame(1, 0, 3, [1, 1, 1])); // a late sample of the old one
   expect(store.channel("1", "Acceleration")!.ring.length).toBe(0);
+});
+
+it("asks the server for a quantity that came in two messages by its message", () => {
+  expect(liveSource(store, "1").prefix(acceleration)).toBe("");
+  const other = { ...acceleration, id: 5, message: "Imu3Acc" };
+  store.receive({ kind: "text", text: { op: "channels", channels: [other] } });
+  expect(liveSource(store, "1").prefix(other)).toBe("Imu3Acc/");
+  expect(isShared(acceleration, [acceleration, other])).toBe(true);
+  expect(isShared(acceleration, [acceleration, { ...acceleration, id: 6 }])).toBe(false);
 });
 
 describe("a connection that was lost", () => {

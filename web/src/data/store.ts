@@ -383,6 +383,11 @@ export class Store {
     return this.#channels.sent(id);
   }
 
+  /** Whether another message of its device has sent a channel of that name, which is not displayed. */
+  isShared(info: ChannelInfo): boolean {
+    return this.#channels.isShared(info);
+  }
+
   /** The ring of a new channel: the one from before a server restart, or an empty one. */
   #ring(info: ChannelInfo): Ring {
     const held = this.#past?.ringFor(info);

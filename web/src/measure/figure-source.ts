@@ -18,8 +18,8 @@ export interface MeasuredRange {
 export interface FigureSource {
   /** Id of the recording or the device. */
   readonly id: string;
-  /** Put before names of signals: "2/" if it has several devices. */
-  readonly prefix: (device: string) => string;
+  /** Put before names of signals: "2/" if it has several devices, "Imu6/" if several messages have a channel of that name. */
+  readonly prefix: (sent: Channel["info"]) => string;
   /** The channel under that id as it was sent. */
   readonly sent: (id: number) => Channel["info"] | undefined;
   /** From the sent to the displayed form. */
@@ -50,7 +50,7 @@ export function wantedOf(
   if (shown === undefined || sent === undefined) return undefined;
   // a plot may have signals of another source, whose ids mean other channels here
   if (sent.device !== info.device || (info.id >= 0 && sent.name !== info.name)) return undefined;
-  const name = source.prefix(info.device) + sent.name;
+  const name = source.prefix(sent) + sent.name;
   const plain = { parts: 1, part: 0, factor: 1, offset: 0, period: shown.period };
   if (info.id < 0) {
     const part = EULER.indexOf(shown.name);

@@ -6,8 +6,13 @@ import type { Reads } from "../data/view";
 import type { FigureSource } from "./figure-source";
 
 /** The server's signals of a live device. */
-export function liveSource(store: Pick<Store, "sent" | "changeOf">, device: string): FigureSource {
-  return { id: device, prefix: () => "", sent: (id) => store.sent(id), changeOf: (id) => store.changeOf(id) };
+export function liveSource(store: Pick<Store, "sent" | "changeOf" | "isShared">, device: string): FigureSource {
+  return {
+    id: device,
+    prefix: (info) => (store.isShared(info) ? `${info.message}/` : ""),
+    sent: (id) => store.sent(id),
+    changeOf: (id) => store.changeOf(id),
+  };
 }
 
 export interface SampleAccess {

@@ -29,6 +29,7 @@ import { changedStats, StatisticsFeed } from "./statistics-feed";
 import type { DeviceInfo } from "../wire/types";
 import type { Bounds } from "./time-range";
 import type { MarkerInfo, RecordingDetail } from "../wire/recording-types";
+import { isShared } from "../signals/names";
 import { Vicinity } from "./vicinity";
 
 /** Kinds with mean and spread (panels/value-groups.ts). */
@@ -97,7 +98,9 @@ export class ReplayController {
       ringOf: (channel, from, to) => this.ringOf(channel, from, to),
       source: {
         id: detail.info.id,
-        prefix: (device) => (detail.devices.length > 1 ? `${device}/` : ""),
+        prefix: (info) =>
+          (detail.devices.length > 1 ? `${info.device}/` : "") +
+          (isShared(info, detail.channels) ? `${info.message}/` : ""),
         sent: (id) => detail.channels.find((one) => one.id === id),
         changeOf: (id) => this.near.changeOf(id),
       },

@@ -16,6 +16,13 @@ export function isOfQuaternion({ info }: Channel, channels: readonly Channel[]):
   );
 }
 
+/** Whether another message of the device has a channel of that name. */
+export function isShared(info: ChannelInfo, infos: readonly ChannelInfo[]): boolean {
+  return infos.some(
+    ({ name, device, message }) => name === info.name && device === info.device && message !== info.message,
+  );
+}
+
 export function isComputed({ message }: Pick<ChannelInfo, "message">): boolean {
   return message === "expression";
 }

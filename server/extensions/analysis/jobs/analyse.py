@@ -1,19 +1,20 @@
 """`imuscope analyse FILE NAME --signal …`: figures of signals of any file that `decode` reads."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, TextIO
 
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.server.commands.decode import time_range_of
-from imuscope.server.errors import UsageError
+from imuscope.server.errors import DomainError, UsageError
 from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, requested_signals
 from imuscope.server.extensions.analysis.noise.registry import FiguresOfSignal, analysis_named
 from imuscope.server.extensions.analysis.noise.report import Figures, figures_of, in_parallel
-from imuscope.server.extensions.analysis.signals.signals import SignalColumn, recorded_samples
+from imuscope.server.extensions.analysis.signals.signals import SignalColumn, recorded_samples, signals_in
 from imuscope.server.library.recording_detail import channels_of, products_of, segments_of
 
 BELOW = ("notes", "obstacles", "unchecked")  # sentences, printed below the table
@@ -25,7 +26,7 @@ class AnalyseRequest:
 
     Args:
         analysis: its name.
-        signals: names (server/extensions/analysis/signals/signals.py).
+        signals: names (server/extensions/analysis/signals/signals.py); none for all that it can be applied to.
         begin_s, end_s: seconds from the beginning of the file.
         options: of the analysis, as NAME=VALUE.
     """
@@ -66,19 +67,37 @@ def reports_of(store: ColumnStore, name: str, request: AnalyseRequest) -> list[S
     settings = analysis.settings(chosen)
     t0, t1 = time_range_of(store, name, request.begin_s, request.end_s)
 
-    def reports(one: SignalColumn | ExpressionSignal) -> list[SignalReport]:
-        signals = one.signals(lambda column: recorded_samples(store, column, t0, t1))
-        return [SignalReport(signal.name, signal.unit, *figures_of(analysis, signal, settings)) for signal in signals]
+    infos = list(channels_of(store).values())
+
+    def reports(one: SignalColumn | ExpressionSignal) -> list[tuple[str, SignalReport]]:
+        try:
+            signals = one.signals(lambda column: recorded_samples(store, column, t0, t1))
+            return [
+                (one.device, SignalReport(signal.name, signal.unit, *figures_of(analysis, signal, settings)))
+                for signal in signals
+            ]
+        except DomainError:
+            if request.signals:
+                raise
+            return []  # it cannot be applied to this one
 
     requested = requested_signals(
-        channels_of(store).values(),
-        request.signals,
+        infos,
+        request.signals or signals_in(infos),
         zero_phase=True,
         product=products_of(store),
         companions=analysis.companions,
         segments=segments_of(store),
     )
-    return list(chain(*in_parallel(reports, requested)))
+    made = list(chain(*in_parallel(reports, requested)))
+    if not made:
+        hint = "Choose another analysis or range."
+        raise DomainError("not-found", f"{name} has no signal for {analysis.title}.", hint)
+    names = Counter(report.name for _, report in made)
+    return [  # of several devices, each names its own
+        replace(report, name=f"{device}/{report.name}") if names[report.name] > 1 and device else report
+        for device, report in made
+    ]
 
 
 def print_text(analysis: str, name: str, reports: Sequence[SignalReport], out: TextIO) -> None:

@@ -21,9 +21,10 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
     command.add_argument(
         "--signal",
         action="append",
-        required=True,
+        default=[],
         metavar="NAME",
-        help="CHANNEL.COLUMN, or CHANNEL for all its columns; DEVICE/… if there are several; may be repeated",
+        help="CHANNEL.COLUMN, or CHANNEL for all its columns; DEVICE/… or MESSAGE/… if there are several; may be "
+        "repeated (default: all signals)",
     )
     add_range(command)
     add_table(command)
@@ -110,6 +111,8 @@ def _compare(options: argparse.Namespace, file: Path, decode_options: DecodeOpti
 
     if options.other is None:
         raise UsageError("a comparison needs two files; give the other one with --with B")
+    if not options.signal:
+        raise UsageError("a comparison needs signals; name each with --signal")
     if options.option or options.format not in ("table", "json"):
         raise UsageError("a comparison has no --option, and --format is table or json")
     if options.search is not None and not options.search > 0:

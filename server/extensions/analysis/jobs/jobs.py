@@ -139,22 +139,22 @@ class FiguresJob:
     def content(self) -> Content:
         """The figures of each signal, as `SignalFigures` of the API; otherwise a table or a text."""
         analysis, read = analysis_named(self.analysis), self.source.opened()
-        own_units: dict[str, str] = {}
 
-        def work(one: SignalColumn | ExpressionSignal) -> list[dict[str, Figure]]:
+        def work(one: SignalColumn | ExpressionSignal) -> list[tuple[str, dict[str, Figure]]]:
             reports = []
             for signal in one.signals(read):
                 figures, units = figures_of(analysis, signal, self.settings)
-                reports.append({"signal": signal.name, "device": one.device, "units": units, "figures": figures})
-                own_units[signal.name] = signal.unit
+                row = {"signal": signal.name, "device": one.device, "units": units, "figures": figures}
+                reports.append((signal.unit, row))
             return reports
 
-        rows = list(chain(*in_parallel(work, self.requested)))
+        reports = list(chain(*in_parallel(work, self.requested)))
+        rows = [row for _, row in reports]
         if self.format == "json":
             return json_content(rows)
         if self.format == "arrow":
             return Content(ARROW, arrow_of(rows))
-        signals = [FiguresOfSignal(row["signal"], own_units[row["signal"]], row["figures"]) for row in rows]
+        signals = [FiguresOfSignal(row["signal"], unit, row["figures"]) for unit, row in reports]
         return Content(TEXT, analysis.text(self.format, signals).encode())
 
 

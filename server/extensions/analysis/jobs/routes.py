@@ -75,7 +75,8 @@ class AnalysisRequest(BaseModel):
     signals: list[str] = Field(
         min_length=1,
         max_length=MAX_SIGNALS,
-        description="`CHANNEL.COLUMN`, `CHANNEL` for all columns, or an expression; `DEVICE/…` if there are several",
+        description="`CHANNEL.COLUMN`, `CHANNEL` for all columns, or an expression; `DEVICE/…` or `MESSAGE/…` if "
+        "several have it",
     )
     device: str = Field("", description="whose signals are meant where several devices have a channel of that name")
     t0: float | None = Field(None, description="unix seconds; null for the beginning")
@@ -103,7 +104,7 @@ class SignalFigures(BaseModel):
 class PairsSignal(BaseModel):
     """One axis of a plot of pairs."""
 
-    signal: str = Field(description="`CHANNEL.COLUMN` or an expression; `DEVICE/…` if there are several")
+    signal: str = Field(description="`CHANNEL.COLUMN` or an expression; `DEVICE/…` or `MESSAGE/…` if several have it")
     part: int = Field(0, ge=0, le=MAX_SIGNALS, description="which one, if that names several, from 0")
 
 

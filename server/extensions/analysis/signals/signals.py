@@ -2,6 +2,7 @@
 
     Acceleration.x      one column            Acceleration      all columns of the channel, one after the other
     2/Acceleration.x    of device 2, if several devices have a channel of that name
+    Imu6/Acceleration.x     of message Imu6, if several messages of a device have it; 2/Imu6/Acceleration.x of both
 
 Names of channels may contain a point, so the longest name of a channel that fits is taken.
 """
@@ -86,7 +87,7 @@ class Signal:
 class SignalColumn:
     """A column of a channel, as named in a request, with the data sheet of its sensor, the temperature and the other
     sensors of its device, the axes of its body ("FLU", "FRD") and the times at which its clock steps, if those are
-    known.
+    known. `message` is that of its channel if another message of the device has a channel of that name.
     """
 
     info: ChannelInfo
@@ -96,10 +97,11 @@ class SignalColumn:
     companions: CompanionChannels | None = None
     axes: str = ""
     breaks: tuple[float, ...] = ()
+    message: str = ""
 
     @property
     def name(self) -> str:
-        return f"{self.info.name}.{self.info.columns[self.at].name}"
+        return f"{self.message and f'{self.message}/'}{self.info.name}.{self.info.columns[self.at].name}"
 
     @property
     def device(self) -> str:
@@ -184,7 +186,7 @@ def columns_named(infos: Iterable[ChannelInfo], names: Sequence[str], device: st
 
     Raises:
         DomainError: "not-found": that device has no such channel or column, never mind the others; "which-device":
-            several devices have it.
+            several devices have it; "which-message": several messages of one have it.
     """
     known = list(infos)
     return [column for name in names for column in _columns(known, name, device)]
@@ -228,6 +230,9 @@ def angles_named(infos: Iterable[ChannelInfo], word: str, device: str = "") -> t
         hint = f"Name one: {', '.join(f'{one}/{word:.60}' for one in devices):.400}."
         raise DomainError("which-device", f"Several devices have {word:.60}.", hint)
     name = next((info.name for info in rotations if info.verified), rotations[0].name)
+    if len(messages := {info.message for info in rotations if info.name == name}) > 1:
+        hint = f"Name one with euler(…): {', '.join(f'{one}/{name:.60}' for one in sorted(messages)):.400}."
+        raise DomainError("which-message", f"Several messages have {name:.60}.", hint)
     info = max((one for one in rotations if one.name == name), key=lambda one: one.id)
     return [SignalColumn(info, at) for at in range(len(info.columns))], angle
 
@@ -239,12 +244,32 @@ def _fitting(infos: Iterable[ChannelInfo], name: str) -> list[ChannelInfo]:
     return [info for info in channels if len(info.name) == length]
 
 
+def signals_in(infos: Sequence[ChannelInfo]) -> list[str]:
+    """Names of all channels that hold numbers, each as it has to be named."""
+    devices = len({info.device for info in infos})
+    names = (
+        f"{f'{info.device}/' if devices > 1 else ''}{f'{info.message}/' if is_shared(info, infos) else ''}{info.name}"
+        for info in infos
+        if any(not column.bits and not column.choices for column in info.columns)
+    )
+    return list(dict.fromkeys(names))
+
+
+def is_shared(info: ChannelInfo, infos: Iterable[ChannelInfo]) -> bool:
+    """Whether another message of its device has a channel of that name."""
+    return any(one.name == info.name and one.device == info.device and one.message != info.message for one in infos)
+
+
 def _columns(infos: Sequence[ChannelInfo], word: str, device: str) -> list[SignalColumn]:
     addressed = addressed_device(infos, word)
     name = word.removeprefix(f"{addressed}/") if addressed else word
     device = addressed or device
     own = [info for info in infos if info.device == device] if device else infos
     fitting = _fitting(own, name)
+    messages = {info.message for info in own if name.startswith(f"{info.message}/")} if not fitting else set()
+    for message in messages:
+        own, name = [info for info in own if info.message == message], name.removeprefix(f"{message}/")
+        fitting = _fitting(own, name)
     if not fitting:
         there = f"Channels: {', '.join(sorted({info.name for info in own})):.400}."
         if others := sorted({f"{info.device}/{name:.60}" for info in _fitting(infos, name)}):
@@ -255,15 +280,20 @@ def _columns(infos: Sequence[ChannelInfo], word: str, device: str) -> list[Signa
     if len(devices) > 1:
         hint = f"Name one: {', '.join(f'{one}/{word:.60}' for one in devices):.400}."
         raise DomainError("which-device", f"Several devices have {word:.60}.", hint)
+    if len(several := sorted({info.message for info in fitting})) > 1:
+        prefix = f"{addressed}/" if addressed else ""
+        hint = f"Name one: {', '.join(f'{prefix}{message}/{name:.60}' for message in several):.400}."
+        raise DomainError("which-message", f"Several messages have {word:.60}.", hint)
     info = max(fitting, key=lambda one: one.id)  # of several with one name, the newest
+    message = info.message if is_shared(info, infos) else ""
     rest = name[length + 1 :]
     if not rest:
-        return [SignalColumn(info, at) for at in range(len(info.columns))]
+        return [SignalColumn(info, at, message=message) for at in range(len(info.columns))]
     names = [column.name for column in info.columns]
     if rest not in names:
         hint = f"It has: {', '.join(names):.400}."
         raise DomainError("not-found", f"{info.name} has no column {rest:.60}.", hint)
-    return [SignalColumn(info, names.index(rest))]
+    return [SignalColumn(info, names.index(rest), message=message)]
 
 
 def recorded_samples(

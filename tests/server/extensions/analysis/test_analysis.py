@@ -1,6 +1,7 @@
 """Analyses: statistics against a slow oracle, names of signals, and the same figures over HTTP, live and recorded."""
 
 import asyncio
+import dataclasses
 import io
 import json
 import math
@@ -17,8 +18,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import imuscope
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
+from imuscope.server.extensions.analysis.expressions.signal_request import requested_signals
 from imuscope.server.extensions.analysis.jobs.service import AnalysisService
 from imuscope.server.extensions.analysis.methods.statistics import run
 from imuscope.server.extensions.analysis.noise.registry import Analysis, analyses, analysis_named, register_analysis
@@ -148,6 +151,53 @@ CHANNELS = [
 def test_signals_are_named_by_channel_and_column(word: str, result: list[str]) -> None:
     columns = columns_named(CHANNELS, [word])
     assert [f"{one.info.id}.{one.info.columns[one.at].name}" for one in columns] == result
+
+
+SHARED = [
+    dataclasses.replace(channel(1, "1", "Acceleration", "x", "z"), message="Imu6"),
+    dataclasses.replace(channel(2, "1", "Acceleration", "x", "z"), message="Imu3Acc"),
+    dataclasses.replace(channel(3, "2", "Acceleration", "x", "z"), message="/imu/data"),
+]
+
+
+@each_row(
+    ("word", "result"),
+    [
+        ("1/Imu6/Acceleration.z", [(1, "Imu6/Acceleration.z")]),
+        ("Imu3Acc/Acceleration.z", [(2, "Imu3Acc/Acceleration.z")]),
+        ("2/Acceleration.z", [(3, "Acceleration.z")]),
+        ("/imu/data/Acceleration.z", [(3, "Acceleration.z")]),
+        ("Acceleration.z", "2/Acceleration.z"),
+        ("1/Acceleration.z", "Name one: 1/Imu3Acc/Acceleration.z, 1/Imu6/Acceleration.z."),
+        ('norm("1/Acceleration")', "Name one: 1/Imu3Acc/Acceleration, 1/Imu6/Acceleration."),
+    ],
+)
+def test_a_quantity_in_two_messages_is_named_by_its_message(word: str, result: list[tuple[int, str]] | str) -> None:
+    """Regression: the newest of both was taken, without a word."""
+    if isinstance(result, list):
+        assert [(one.info.id, one.name) for one in columns_named(SHARED, [word])] == result
+        return
+    with pytest.raises(DomainError) as raised:
+        requested_signals(SHARED, [word], zero_phase=True)
+    assert result in raised.value.hint
+
+
+def test_without_names_all_signals_are_analysed(captures: Path) -> None:
+    """Regression: {} in place of all of them, as the help promises."""
+    file = captures.parent / "cases" / "verdicts" / "idtp_two_accelerations.bin"
+    if not file.exists():
+        pytest.skip(f"{file} is not there")
+    with imuscope.open(file) as recording:
+        figures = recording.analyse("statistics")
+        results = {name: (one["n"], round(one["mean"], 3)) for name, one in figures.items() if name.endswith(".z")}
+        assert results == {
+            "Imu6/Acceleration.z": (300, 9.81),
+            "RateOfTurn.z": (300, 0.0),
+            "Imu3Acc/Acceleration.z": (150, 1.0),
+        }
+        assert set(recording.analyse("psd", begin_s=0.1)) <= set(figures)
+        with pytest.raises(imuscope.ImuscopeError, match="Several messages have Acceleration"):
+            recording.analyse("statistics", "Acceleration")
 
 
 @each_row(

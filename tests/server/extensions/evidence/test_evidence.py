@@ -20,6 +20,7 @@ from imuscope.server.extensions.evidence.worker import MAX_BYTES
 from imuscope.server.library.api_models import RecordingInfo
 from tests.recordings.store_fixtures import START
 from tests.server.extensions.evidence.evidence_harness import (
+    CHANNELS,
     ECEF,
     LATITUDE,
     LONGITUDE,
@@ -52,6 +53,17 @@ def test_a_short_range_has_every_sample_and_its_figures(tmp_path: Path) -> None:
     assert "Every sample of the range is in this file." in text
     for words in ("0080A1B2", "1.12.0", "kerb", "20 samples lost.", "12\u2009345"):
         assert words in text
+
+
+def test_a_quantity_in_two_messages_is_there_twice(tmp_path: Path) -> None:
+    """Regression: the newer one stood there two times, and the other one never."""
+    twin = {**CHANNELS[3], "name": "Acceleration", "title": "Acceleration", "message": "Other"}
+    store = drive(tmp_path / "store", channels=[*CHANNELS[:3], twin, CHANNELS[4]])
+    text = made(store, tmp_path / "out.html")
+    plots = [one for one in content_in(text)["plots"] if one["title"].startswith("Acceleration")]
+    assert [one["title"] for one in plots] == ["Acceleration · MTData2", "Acceleration · Other"]
+    assert [one["series"][2]["name"] for one in plots] == ["MTData2/Acceleration.z", "Other/Acceleration.z"]
+    assert [one["series"][2]["figures"]["max"] for one in plots] == [987.0, pytest.approx(1e-3)]
 
 
 def test_on_a_full_disk_the_former_file_stays_and_no_part_of_the_new_one(tmp_path: Path) -> None:

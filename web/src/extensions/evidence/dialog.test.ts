@@ -29,7 +29,7 @@ function viewOf(plots: readonly PlotSpec[], hidden: readonly string[] = []): Vie
 
 const SOURCE: FigureSource = {
   id: "",
-  prefix: (device) => `${device}/`,
+  prefix: ({ device }) => `${device}/`,
   sent: (id) => [info(1, "Acceleration", ["x", "y"]), TURN].find((one: { id: number }) => one.id === id) as never,
   changeOf: () => undefined,
 };

@@ -137,7 +137,7 @@ export function LiveEvidence({ app, onClose }: LiveDialogProps) {
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const source: FigureSource = {
     id: "",
-    prefix: (device) => `${device}/`,
+    prefix: (info) => `${info.device}/${app.store.isShared(info) ? `${info.message}/` : ""}`,
     sent: (id) => app.store.sent(id),
     changeOf: (id) => app.store.changeOf(id),
   };

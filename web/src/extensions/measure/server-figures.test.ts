@@ -35,7 +35,7 @@ const rotation: ChannelInfo = {
 const sent = [acceleration, angles, rotation];
 const source: FigureSource = {
   id: "yard",
-  prefix: (device) => `${device}/`,
+  prefix: ({ device }) => `${device}/`,
   sent: (id) => sent.find((one) => one.id === id),
   changeOf: () => undefined,
 };
