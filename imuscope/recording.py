@@ -23,12 +23,16 @@ The examples here are of this table, whose clock goes back:
 
 from __future__ import annotations
 
+import datetime
+import difflib
 import functools
+import html
 import shutil
 import tempfile
 import weakref
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -44,6 +48,9 @@ if TYPE_CHECKING:
     import pyarrow
 
     from imuscope.recordings.columns.store import ColumnStore
+
+
+Moment = float | datetime.datetime | np.datetime64
 
 
 class ImuscopeError(Exception):
@@ -117,9 +124,24 @@ class Signal:
     stop: int
     _store: ColumnStore
     _channel: int
+    _own: tuple[int, ...]
 
     def __len__(self) -> int:
         return self.stop - self.start
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.values, dtype, copy=copy)
+
+    def __getitem__(self, rows: slice) -> Signal:
+        """Some of the samples, by their place: `signal[100:200]`.
+
+        Raises:
+            ImuscopeError: it is no slice, or one with a step.
+        """
+        if not isinstance(rows, slice) or rows.step not in (None, 1):
+            raise ImuscopeError(f"{self.title}[{rows!r}]: give a range of samples, [100:200]; `column` has one column.")
+        lo, hi, _ = rows.indices(len(self))
+        return self._part(self.start + lo, self.start + hi)
 
     def __repr__(self) -> str:
         units = ", ".join(dict.fromkeys(filter(None, self.units)))
@@ -129,18 +151,47 @@ class Signal:
     def time(self) -> Floats:
         """(n,) unix s: the device's clock, mapped to the host's; the arrival where a message has no device time."""
         times = self._store.clock(self._channel, self.start, self.stop, "time")
-        return np.where(np.isnan(times), self.arrival, times)
+        return _constant(np.where(np.isnan(times), self.arrival, times))
 
     @functools.cached_property
     def arrival(self) -> Floats:
         """(n,) unix s: when the bytes arrived at the host."""
-        return self._store.clock(self._channel, self.start, self.stop, "arrival")
+        return _constant(self._store.clock(self._channel, self.start, self.stop, "arrival"))
 
     @functools.cached_property
     def values(self) -> NDArray[Any]:
         """(n,) of one column, (n, columns) of several of one type; use `column` for those of different types."""
-        columns = [self.column(name) for name in self.columns]
-        return columns[0] if len(columns) == 1 else np.column_stack(columns)
+        columns = [self.column(k) for k in range(len(self.columns))]
+        return columns[0] if len(columns) == 1 else _constant(np.column_stack(columns))
+
+    @property
+    def rate(self) -> float:
+        """Samples per second, by the usual step between them; NaN of fewer than two."""
+        steps = np.diff(self.time)
+        steps = steps[steps > 0]
+        return 1 / float(np.median(steps)) if len(steps) else float("nan")
+
+    def values_in(self, unit: str) -> Floats:
+        """The values in another unit of the same quantity: "rad/s", "g", "m/s²", "T".
+
+        >>> gyr.values_in("°/s")[1].round(3).tolist()
+        [28.648, 57.296, 0.0]
+
+        Raises:
+            ImuscopeError: a column has a unit of another quantity, or none.
+        """
+        from imuscope.server.extensions.analysis.signals.units import Unit
+
+        wanted = Unit.parse(unit)
+        factors = []
+        for name, text in zip(self.columns, self.units, strict=True):
+            own = Unit.parse(text)
+            if not text or own.dimensions != wanted.dimensions:
+                has = f"is in {text}" if text else "has no unit"
+                raise ImuscopeError(f"{self.title}.{name} {has}, which cannot be given in {unit!r}.")
+            factors.append(own.factor / wanted.factor)
+        values: Floats = np.asarray(self.values, np.float64) * (factors[0] if len(factors) == 1 else np.array(factors))
+        return values
 
     def column(self, name: str | int) -> NDArray[Any]:
         """(n,) one column, by its name or number.
@@ -151,20 +202,31 @@ class Signal:
         Raises:
             ImuscopeError: there is none of that name.
         """
-        if name not in self.columns and not isinstance(name, int):
+        at = self.columns.index(name) if name in self.columns else name
+        if not isinstance(at, int) or not -len(self.columns) <= at < len(self.columns):
             raise ImuscopeError(f"{self.title} has no column {name!r}; it has: {', '.join(self.columns)}")
-        at = name if isinstance(name, int) else self.columns.index(name)
+        at = self._own[at]
         parts = list(self._store.values(self._channel, at, self.start, self.stop))
-        return np.concatenate(parts) if parts else np.empty(0, self._store.shapes[self._channel].dtypes[at])
+        return _constant(np.concatenate(parts) if parts else np.empty(0, self._store.shapes[self._channel].dtypes[at]))
 
-    def between(self, begin_s: float, end_s: float) -> Signal:
-        """The samples from `begin_s` to `end_s`, seconds from the beginning of the recording, both included.
+    def between(self, begin: Moment, end: Moment) -> Signal:
+        """The samples from `begin` to `end`, both included.
+
+        Args:
+            begin, end: seconds from the beginning of the recording, or moments: `datetime`, `numpy.datetime64` or
+                `pandas.Timestamp` (UTC where they name no zone).
 
         >>> gyr.between(0, 0.015).values.tolist()
         [[0.0, 0.0, 0.0], [0.5, 1.0, 0.0]]
+
+        Raises:
+            ImuscopeError: the end is before the beginning, or they are no moments.
         """
         origin = self._store.manifest["started"] or 0.0
-        lo, hi = self._store.between(self._channel, origin + begin_s, origin + end_s)
+        t0, t1 = _unix_of(begin, origin), _unix_of(end, origin)
+        if t1 < t0:
+            raise ImuscopeError(f"between({begin!r}, {end!r}) of {self.title}: the end is before the beginning.")
+        lo, hi = self._store.between(self._channel, t0, t1)
         return self._part(max(lo, self.start), min(hi, self.stop))
 
     def segments(self) -> list[Signal]:
@@ -213,8 +275,21 @@ class Signal:
         return polars.DataFrame(self.to_arrow())
 
     def _part(self, start: int, stop: int) -> Signal:
-        fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return Signal(**{**fields, "start": start, "stop": max(start, stop)})
+        return replace(self, start=start, stop=max(start, stop))
+
+
+def _column_of(signal: Signal, column: str) -> Signal:
+    """A signal with one of its columns alone."""
+    at = signal.columns.index(column)
+    return replace(
+        signal,
+        name=f"{signal.name}.{column}",
+        title=f"{signal.title}.{column}",
+        columns=(column,),
+        units=(signal.units[at],),
+        kind="scalar",
+        _own=(signal._own[at],),  # noqa: SLF001 - of the same class
+    )
 
 
 class Recording:
@@ -260,7 +335,7 @@ class Recording:
             name=info["name"],
             title=info["title"],
             message=info["message"],
-            columns=tuple(one["axis"] or one["name"] for one in columns),
+            columns=column_names(info),
             units=tuple(one["unit"] for one in columns),
             frame=info["frame"],
             kind=info["kind"],
@@ -270,6 +345,7 @@ class Recording:
             stop=self._store.rows(info["id"]),
             _store=self._store,
             _channel=info["id"],
+            _own=tuple(range(len(columns))),
         )
 
     def __enter__(self) -> Recording:
@@ -281,22 +357,69 @@ class Recording:
     def __iter__(self) -> Iterator[Signal]:
         return iter(self.signals)
 
+    def __len__(self) -> int:
+        return len(self.signals)
+
+    def keys(self) -> list[str]:
+        """Names under which its signals are found, without those of columns: "DEVICE/NAME" where devices share one."""
+        names = Counter(one.name for one in self.signals)
+        return [one.name if names[one.name] == 1 else f"{one.device.name}/{one.name}" for one in self.signals]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether a signal, or a column of one, is found under this name."""
+        return isinstance(name, str) and len(self._named(name)) == 1
+
+    def get(self, name: str, default: Signal | None = None) -> Signal | None:
+        """The signal of this name; `default` where there is none, or several."""
+        named = self._named(name)
+        return named[0] if len(named) == 1 else default
+
+    def _named(self, name: str) -> list[Signal]:
+        """The signals of a name, title or "SIGNAL.COLUMN", each also after "DEVICE/"."""
+
+        def own(text: str, of: Sequence[Signal]) -> list[Signal]:
+            named = [one for one in of if text in (one.name, one.title)]
+            signal, _, column = text.rpartition(".")
+            parts = [_column_of(one, column) for one in of if signal in (one.name, one.title) and column in one.columns]
+            return named or parts
+
+        device, slash, rest = name.rpartition("/")
+        of = [one for one in self.signals if slash and device in (one.device.id, one.device.name)]
+        return own(name, self.signals) or own(rest, of)
+
+    def _repr_html_(self) -> str:
+        """A table of its signals, for notebooks."""
+        heads = ("device", "signal", "columns", "unit", "frame", "samples", "Hz")
+        rows = [
+            (
+                one.device.name,
+                one.name,
+                ", ".join(one.columns),
+                ", ".join(dict.fromkeys(filter(None, one.units))),
+                one.frame,
+                str(len(one)),
+                f"{one.rate:.4g}",
+            )
+            for one in self.signals
+        ]
+        cells = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+        head = "".join(f"<th>{one}</th>" for one in heads)
+        return f"<p>{html.escape(repr(self))}</p><table><thead><tr>{head}</tr></thead><tbody>{cells}</tbody></table>"
+
     def __repr__(self) -> str:
         lasts = f"{self.end - self.start:.3f} s" if self.start is not None and self.end is not None else "no samples"
         devices = ", ".join(one.name for one in self.devices)
         return f"<Recording {self.path.name}: {devices}; {len(self.signals)} signals, {lasts}>"
 
     def __getitem__(self, name: str) -> Signal:
-        """The signal of this name or title; "DEVICE/NAME" where several devices have it.
+        """The signal of this name or title; "SIGNAL.COLUMN" is one column, "DEVICE/NAME" that of one device.
 
         Raises:
             ImuscopeError: there is none, or several; the message lists them.
         """
-        device, slash, own = name.rpartition("/")
-        named = [one for one in self.signals if name in (one.name, one.title)]
-        if not named and slash:
-            named = [one for one in self.signals if own in (one.name, one.title)]
-            named = [one for one in named if device in (one.device.id, one.device.name)]
+        if not isinstance(name, str):
+            raise ImuscopeError(f"{name!r} is no name of a signal; `signals` has them in the order of the file.")
+        named = self._named(name)
         if len(named) == 1:
             return named[0]
         if named:
@@ -304,8 +427,9 @@ class Recording:
             messages = ", ".join(f"{one.message} of {one.device.name}" for one in named)
             words = several if len({one.device.id for one in named}) == len(named) else f"from {messages}"
             raise ImuscopeError(f"{self.path.name} has several signals {name!r}: {words}. Use `signals` to choose one.")
-        known = ", ".join(dict.fromkeys(one.title for one in self.signals))
-        raise ImuscopeError(f"{self.path.name} has no signal {name!r}; it has: {known or 'none'}")
+        known = list(dict.fromkeys(one.title for one in self.signals))
+        near = _nearest(name, [*known, *(one.name for one in self.signals)])
+        raise ImuscopeError(f"{self.path.name} has no signal {name!r}{near}; it has: {', '.join(known) or 'none'}")
 
     def analyse(
         self, analysis: str, *signals: str, begin_s: float = 0.0, end_s: float | None = None, **options: float | str
@@ -329,6 +453,8 @@ class Recording:
         from imuscope.recordings.errors import ExplainedError
         from imuscope.server.extensions.analysis.jobs.analyse import AnalyseRequest, reports_of
 
+        if wrong := [name for name in signals if not isinstance(name, str)]:
+            raise ImuscopeError(f"{wrong[0]!r} is no name of a signal; give names one after the other.")
         texts = tuple(f"{name}={value}" for name, value in options.items())
         request = AnalyseRequest(analysis, signals, begin_s, end_s, texts)
         try:
@@ -340,7 +466,7 @@ class Recording:
         self,
         out: str | Path,
         *,
-        signals: Sequence[str] = (),
+        signals: str | Sequence[str] = (),
         device: str = "",
         begin_s: float = 0.0,
         end_s: float | None = None,
@@ -348,8 +474,8 @@ class Recording:
         """Write a file that other programs read; its suffix selects the format, as of `imuscope decode`.
 
         Args:
-            signals: names; none for all.
-            device: id; "" for all.
+            signals: names, or one; none for all.
+            device: id or name; "" for all.
             begin_s, end_s: seconds from the beginning of the recording.
 
         Returns:
@@ -362,10 +488,18 @@ class Recording:
         from imuscope.server.commands.decode import DecodedPart, export_columns
 
         try:
-            part = DecodedPart(begin_s, end_s, device, tuple(self[name].name for name in signals))
+            names = (signals,) if isinstance(signals, str) else signals
+            part = DecodedPart(begin_s, end_s, self._device_id(device), tuple(self[name].name for name in names))
             return export_columns(self._store, self.path, Path(out), part)
         except ExplainedError as error:
             raise ImuscopeError(error.text) from None
+
+    def _device_id(self, name: str) -> str:
+        of = [one.id for one in self.devices if name in (one.id, one.name)]
+        if name and len(of) != 1:
+            listed = ", ".join(f"{one.id} ({one.name})" for one in self.devices)
+            raise ImuscopeError(f"{self.path.name} has {'several devices' if of else 'no device'} {name!r}: {listed}.")
+        return of[0] if name else ""
 
     def close(self) -> None:
         """Remove the columns. Arrays that were read stay."""
@@ -400,7 +534,7 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     from imuscope.recordings.errors import ExplainedError
     from imuscope.recordings.importers.open_file import open_file
     from imuscope.recordings.tables.options import TableOptions
-    from imuscope.server.devices.decode.decode_options import DecodeOptions
+    from imuscope.server.devices.decode.decode_options import DecodeOptions, source_options
     from imuscope.server.devices.decode.protocol_set import all_protocols
     from imuscope.server.library.computed_signals import compute_signals
     from imuscope.server.library.decode import decode
@@ -408,6 +542,11 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     file = Path(path).expanduser()
     if not file.exists():
         raise ImuscopeError(f"{file} does not exist.")
+    known = {option.name for option in source_options()}
+    for name in options:
+        if name not in known:
+            near = _nearest(name, [*known, "protocol", "time_column", "time_unit", "rate", "columns", "clock"])
+            raise ImuscopeError(f"There is no option {name!r}{near}; options of protocols: {', '.join(sorted(known))}.")
     reading = DecodeOptions(protocol, options, TableOptions(time_column, time_unit, None, rate, columns or {}), clock)
     folder = Path(tempfile.mkdtemp(prefix="imuscope-"))
     try:
@@ -421,6 +560,37 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
         if isinstance(error, OSError):
             raise ImuscopeError(f"{file}: {(error.strerror or 'it cannot be read').lower()}.") from None
         raise
+
+
+def column_names(info: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of a channel's columns: of angles "roll", of a vector "x"."""
+    own = "name" if info["kind"] == "euler" else "axis"
+    return tuple(one[own] or one["name"] for one in info["columns"])
+
+
+def _constant(values: NDArray[Any]) -> NDArray[Any]:
+    """The array, read-only: a cached one is shared by all who ask for it."""
+    values.flags.writeable = False
+    return values
+
+
+def _unix_of(moment: Moment, origin: float) -> float:
+    """Unix s of a moment; a number counts from `origin`."""
+    if isinstance(moment, np.datetime64):
+        return float((moment - np.datetime64(0, "s")) / np.timedelta64(1, "ns")) / 1e9
+    if isinstance(moment, datetime.datetime):
+        zone = moment.tzinfo or datetime.UTC
+        return moment.replace(tzinfo=zone).timestamp()
+    if isinstance(moment, (int, float, np.integer, np.floating)):
+        return origin + float(moment)
+    raise ImuscopeError(f"{moment!r} is no moment: give seconds from the beginning, or a datetime.")
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    """ ", did you mean …?" of the most similar name; "" without one."""
+    by_case = {one.casefold(): one for one in known}
+    near = difflib.get_close_matches(name.casefold(), by_case, 1)
+    return f" (did you mean {by_case[near[0]]!r}?)" if near else ""
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
