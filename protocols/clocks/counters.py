@@ -129,22 +129,23 @@ class TickUnwrapper:
 
     def tick(self, raw: int, arrival_ns: int | None = None) -> int:
         """`ticks` of one row, for a live stream: same result, without arrays if the clock just continues."""
-        value = raw + self._turns
+        advance = raw + self._turns - self._newest
         near = self._near
         if arrival_ns is not None and self._tick_ns:
             passed = arrival_ns - self._arrived
             near = (passed + passed // 1000 + _AHEAD_NS) // self._tick_ns
-        if raw >= self._below or not 0 <= value - self._newest <= near:
+        if raw >= self._below or not 0 <= advance <= near:
             arrival = None if arrival_ns is None else np.array((arrival_ns,))
             return int(self.ticks(np.array((raw,)), arrival)[0])
         if self.steps:
             self.steps = []
-        if value > self._newest:
-            self._advance, self._newest = value - self._newest, value
+        if advance:
+            self._advance = advance
+            self._newest += advance
         self._is_ahead = True
         if arrival_ns is not None and self._tick_ns:
             self._arrived = arrival_ns
-        return value
+        return self._newest
 
     def _store_state(self) -> None:
         """Write what `tick` changed into the array."""

@@ -329,16 +329,16 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         payload = cut.data[body : body + length]
         if not layout.fits(payload):
             return False
-        self._clocks.clock = FINE_CLOCK
-        offset += cut.start
-        fine, counter = layout.fine_at, layout.counter_at
+        offset, fine, counter = offset + cut.start, layout.fine_at, layout.counter_at
         number = int.from_bytes(payload[counter : counter + 2], "big")
         ticks = int.from_bytes(payload[fine : fine + 4], "big")
-        clocks = self._clocks
-        missing = 0 if clocks.counter.follows(number) else int(clocks.counter.missing(np.array((number,)))[0])
-        if clocks.counter.late and (number, ticks) in clocks.recent:
-            events.append(RejectedFrame(offset, size, "repeated", int(cut.arrival_ns[0])))
-            return True
+        clocks, missing = self._clocks, 0
+        if not clocks.counter.follows(number):
+            missing = int(clocks.counter.missing(np.array((number,)))[0])
+            if clocks.counter.late and (number, ticks) in clocks.recent:
+                events.append(RejectedFrame(offset, size, "repeated", int(cut.arrival_ns[0])))
+                return True
+        clocks.clock = FINE_CLOCK
         clocks.recent.append((number, ticks))
         time = clocks.fine.tick(ticks) * TICK_NS
         for _, kind, by in clocks.fine.steps:
@@ -346,8 +346,8 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         if missing:
             events.append(SampleGap(offset, missing, "PacketCounter", int(cut.arrival_ns[0]), time))
         columns = layout.layout.columns(np.ndarray((1, length), UINT8, payload))
-        offsets, times = one_number(offset), one_number(time)
-        events.append(Batch(layout.message, "", cut.arrival_ns, offsets, times, columns, size=size))
+        place = one_number(offset), one_number(time)
+        events.append(Batch(layout.message, "", cut.arrival_ns, *place, columns, size=size))
         return True
 
     def _data(
@@ -363,9 +363,9 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             if repeated:
                 once = np.delete(np.arange(n), repeated)
                 places = zip(*table[[OFFSET, SIZE]][:, repeated].tolist(), arrivals[repeated].tolist(), strict=True)
-                table, arrivals, missing = np.ascontiguousarray(table[:, once]), arrivals[once], missing[once]
-                data = self._data(cut, table, arrivals, replies, missing)
-                return [*(RejectedFrame(cut.start + at, size, "repeated", when) for at, size, when in places), *data]
+                twice = [RejectedFrame(cut.start + at, size, "repeated", when) for at, size, when in places]
+                table = np.ascontiguousarray(table[:, once])
+                return [*twice, *self._data(cut, table, arrivals[once], replies, missing[once])]
         offsets, timed = about[OFFSETS], about[TIMED]
         np.add(table[OFFSET], cut.start, out=offsets)
         events: list[Event] = []
@@ -386,10 +386,8 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             which = order[first:last]
             one = int(which[0])
             layout = self._layout(cut.data, int(body[one]), int(walked[GOOD, one]))
-            rows, metadata = (
-                np.empty((len(which), layout.layout.size), np.uint8),
-                np.empty((ABOUT, len(which)), np.int64),
-            )
+            rows = np.empty((len(which), layout.layout.size), np.uint8)
+            metadata = np.empty((ABOUT, len(which)), np.int64)
             has_time = gather(cut.array, about, which, rows, metadata)
             some = _batches(layout, rows, metadata, None if has_time == len(which) else metadata[TIMED] > 0)
             for batch in some:
@@ -458,17 +456,21 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         frames do not carry it.
         """
         counter, recent = self._clocks.counter, self._clocks.recent
-        missing = np.zeros(len(counters), np.int64)
         rows = np.flatnonzero(counters >= 0) if holes else np.arange(len(counters))
-        missing[rows] = counter.missing(counters[rows])
-        repeated: list[int] = []
+        missing = np.zeros(len(counters), np.int64)
+        missing[rows] = counter.missing(counters[rows] if holes else counters)
         late = set(rows[counter.late].tolist())
         some = rows if late else rows[-_RECENT:]
-        for row, *frame in zip(some.tolist(), counters[some].tolist(), fine[some].tolist(), strict=True):
-            if row in late and frame[1] >= 0 and tuple(frame) in recent:
+        frames = zip(counters[some].tolist(), fine[some].tolist(), strict=True)
+        if not late:
+            recent.extend(frames)
+            return missing, []
+        repeated: list[int] = []
+        for row, frame in zip(some.tolist(), frames, strict=True):
+            if row in late and frame[1] >= 0 and frame in recent:
                 repeated.append(row)
             else:
-                recent.append((frame[0], frame[1]))
+                recent.append(frame)
         return missing, repeated
 
 
