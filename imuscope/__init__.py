@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from imuscope.live import Batch, LiveSignal, Server, connect
-    from imuscope.recording import Device, Event, ImuscopeError, Recording, Signal, open  # noqa: A004
+    from imuscope.recording import Event, Recording, open  # noqa: A004
+    from imuscope.signal import Device, ImuscopeError, Signal
 
 __all__ = [
     "Batch",
@@ -40,13 +41,15 @@ __all__ = [
     "open",
 ]
 _OF_LIVE = ("Batch", "LiveSignal", "Server", "connect")
+_OF_SIGNAL = ("Device", "ImuscopeError", "Signal")
 
 
 def __getattr__(name: str) -> "Any":
     """A public name, imported when it is used: `imuscope --version` needs none of them."""
     if name not in __all__:
         raise AttributeError(f"module 'imuscope' has no attribute {name!r}")
-    return getattr(import_module("imuscope.live" if name in _OF_LIVE else "imuscope.recording"), name)
+    module = "live" if name in _OF_LIVE else "signal" if name in _OF_SIGNAL else "recording"
+    return getattr(import_module(f"imuscope.{module}"), name)
 
 
 def __dir__() -> list[str]:

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit, urlunsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recording import Device, ImuscopeError
+from imuscope.signal import Device, ImuscopeError, column_names
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -74,6 +74,7 @@ class Server:
         self._devices: dict[str, Device] = {}
         self._signals: dict[int, LiveSignal] = {}
         self._waiting: list[bytes] = []
+        self._taken: dict[int, tuple[int, int]] = {}  # of each channel the numbers of the samples that were given
         self.version = ""
         while not (self.version and self._devices_known):
             self._receive(CONNECT_S)
@@ -108,6 +109,8 @@ class Server:
         Raises:
             ImuscopeError: nothing arrived for `timeout_s`, or the connection was lost.
         """
+        self._waiting.clear()  # samples of an earlier stream
+        self._taken = {}
         self._send({"op": "subscribe", "channels": None, "history": history_s})
         newest = time.monotonic()
         while True:
@@ -126,7 +129,12 @@ class Server:
         self._connection.close()
 
     def _send(self, message: Mapping[str, Any]) -> None:
-        self._connection.send(json.dumps(message))
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            self._connection.send(json.dumps(message))
+        except ConnectionClosed:
+            raise ImuscopeError("The connection is closed: connect again.") from None
 
     def _receive(self, timeout_s: float | None) -> None:
         from websockets.exceptions import ConnectionClosed
@@ -161,7 +169,7 @@ class Server:
             name=info["name"],
             title=info["title"],
             message=info["message"],
-            columns=tuple(one["axis"] or one["name"] for one in columns),
+            columns=column_names(info),
             units=tuple(one["unit"] for one in columns),
             frame=info["frame"],
             kind=info["kind"],
@@ -180,7 +188,13 @@ class Server:
             full = {f"{at}/{name}" for at in (device.name, device.id) for name in own}
             if names and not full.union(own).intersection(names):
                 continue
-            arrival, time, *columns = frame.columns
+            first, end = self._taken.get(frame.channel, (frame.sequence, frame.sequence))
+            numbers = frame.sequence + np.arange(frame.n)
+            fresh = (numbers < first) | (numbers >= end)  # history and what has arrived since may overlap
+            self._taken[frame.channel] = min(first, frame.sequence), max(end, frame.sequence + frame.n)
+            if not fresh.any():
+                continue
+            arrival, time, *columns = frame.columns if fresh.all() else [column[fresh] for column in frame.columns]
             values = columns[0] if len(columns) == 1 else np.column_stack(columns)
             yield Batch(signal, np.where(np.isnan(time), arrival, time), arrival, values, frame.dropped)
 
@@ -215,6 +229,8 @@ def _subprotocol() -> Any:
 
 
 def _websocket_address(address: str, token: str) -> str:
+    if not isinstance(address, str):
+        raise ImuscopeError(f"{address!r} is not the address of a server; it looks like http://robot.local:8080.")
     parts = urlsplit(address if "://" in address else f"http://{address}")
     if parts.scheme not in ("http", "https", "tcp") or not parts.hostname:
         raise ImuscopeError(f"{address!r} is not the address of a server; it looks like http://robot.local:8080.")

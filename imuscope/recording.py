@@ -23,48 +23,21 @@ The examples here are of this table, whose clock goes back:
 
 from __future__ import annotations
 
-import functools
+import difflib
+import html
 import shutil
 import tempfile
 import weakref
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from imuscope.protocols.arrays import Floats
+from imuscope.signal import Device, ImuscopeError, Signal, column_names, column_of
 
 if TYPE_CHECKING:
-    import pandas
-    import polars
-    import pyarrow
-
     from imuscope.recordings.columns.store import ColumnStore
-
-
-class ImuscopeError(Exception):
-    """Something that cannot be opened, found, analysed or exported: one sentence, and what to do."""
-
-
-@dataclass(frozen=True, slots=True)
-class Device:
-    """A device of a recording.
-
-    Args:
-        id: unique in the recording.
-        protocol: "xbus", "isb", "idtp", or "" of a file that is not of a device's bytes.
-    """
-
-    id: str
-    name: str
-    protocol: str
-    product: str
-    serial_number: str
-    firmware: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,136 +58,6 @@ class Event:
     level: str
     text: str
     data: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Signal:
-    """Samples of one quantity of one device: all of them, or a range.
-
-    Args:
-        name: as the protocol's document has it, "RateOfTurn".
-        title: as the page shows it, "Rate of turn".
-        message: that carries it, "MTData2".
-        columns: a name for each column, ("x", "y", "z").
-        units: of each column; "" where it has none.
-        frame: of reference, "ENU from body"; "" where it has none or it is not known.
-        kind: "vector", "scalar", "quaternion", "status", "counter", "table" …
-        doc: what it is; source: the section of the document.
-        start, stop: rows of the recording.
-    """
-
-    device: Device
-    name: str
-    title: str
-    message: str
-    columns: tuple[str, ...]
-    units: tuple[str, ...]
-    frame: str
-    kind: str
-    doc: str
-    source: str
-    start: int
-    stop: int
-    _store: ColumnStore
-    _channel: int
-
-    def __len__(self) -> int:
-        return self.stop - self.start
-
-    def __repr__(self) -> str:
-        units = ", ".join(dict.fromkeys(filter(None, self.units)))
-        return f"<Signal {self.title!r} of {self.device.name}: {len(self)} × {len(self.columns)} {units}".rstrip() + ">"
-
-    @functools.cached_property
-    def time(self) -> Floats:
-        """(n,) unix s: the device's clock, mapped to the host's; the arrival where a message has no device time."""
-        times = self._store.clock(self._channel, self.start, self.stop, "time")
-        return np.where(np.isnan(times), self.arrival, times)
-
-    @functools.cached_property
-    def arrival(self) -> Floats:
-        """(n,) unix s: when the bytes arrived at the host."""
-        return self._store.clock(self._channel, self.start, self.stop, "arrival")
-
-    @functools.cached_property
-    def values(self) -> NDArray[Any]:
-        """(n,) of one column, (n, columns) of several of one type; use `column` for those of different types."""
-        columns = [self.column(name) for name in self.columns]
-        return columns[0] if len(columns) == 1 else np.column_stack(columns)
-
-    def column(self, name: str | int) -> NDArray[Any]:
-        """(n,) one column, by its name or number.
-
-        >>> gyr.column("x")[:3].tolist()
-        [0.0, 0.5, 1.0]
-
-        Raises:
-            ImuscopeError: there is none of that name.
-        """
-        if name not in self.columns and not isinstance(name, int):
-            raise ImuscopeError(f"{self.title} has no column {name!r}; it has: {', '.join(self.columns)}")
-        at = name if isinstance(name, int) else self.columns.index(name)
-        parts = list(self._store.values(self._channel, at, self.start, self.stop))
-        return np.concatenate(parts) if parts else np.empty(0, self._store.shapes[self._channel].dtypes[at])
-
-    def between(self, begin_s: float, end_s: float) -> Signal:
-        """The samples from `begin_s` to `end_s`, seconds from the beginning of the recording, both included.
-
-        >>> gyr.between(0, 0.015).values.tolist()
-        [[0.0, 0.0, 0.0], [0.5, 1.0, 0.0]]
-        """
-        origin = self._store.manifest["started"] or 0.0
-        lo, hi = self._store.between(self._channel, origin + begin_s, origin + end_s)
-        return self._part(max(lo, self.start), min(hi, self.stop))
-
-    def segments(self) -> list[Signal]:
-        """The signal in parts, cut where the clock was set or the device restarted: times rise within each.
-
-        >>> [len(part) for part in gyr.segments()]
-        [12, 8]
-        """
-        starts = self._store.manifest.get("segments", {}).get(self.device.id, ())
-        time = self._store.clock(self._channel, self.start, self.stop, "key")
-        cuts = [int(at) for at in np.searchsorted(time, starts)]
-        edges = [0, *sorted({cut for cut in cuts if 0 < cut < len(self)}), len(self)]
-        return [self._part(self.start + a, self.start + b) for a, b in pairwise(edges) if b > a]
-
-    def to_arrow(self) -> pyarrow.Table:
-        """A table with `time`, `arrival` and a column for each of this signal's; units and frame in its metadata.
-
-        >>> gyr.to_arrow().column_names
-        ['time', 'arrival', 'x', 'y', 'z']
-        """
-        import pyarrow as pa
-
-        arrays = [self.time, self.arrival, *(self.column(k) for k in range(len(self.columns)))]
-        units = ("s", "s", *self.units)
-        names = ("time", "arrival", *_distinct(self.columns))
-        fields = [
-            pa.field(name, pa.from_numpy_dtype(array.dtype), metadata={"unit": unit} if unit else None)
-            for name, array, unit in zip(names, arrays, units, strict=True)
-        ]
-        about = {"name": self.name, "title": self.title, "device": self.device.name, "frame": self.frame}
-        schema = pa.schema(fields, metadata={key: value for key, value in about.items() if value})
-        return pa.table([pa.array(array) for array in arrays], schema=schema)
-
-    def to_pandas(self) -> pandas.DataFrame:
-        """The table in pandas, with the time as its index, UTC."""
-        frame = self.to_arrow().to_pandas()
-        frame.index = _pandas().to_datetime(frame.pop("time"), unit="s", utc=True)
-        return frame
-
-    def to_polars(self) -> polars.DataFrame:
-        """The table in Polars."""
-        try:
-            import polars
-        except ImportError:
-            raise ImuscopeError("Polars is not installed: pip install polars.") from None
-        return polars.DataFrame(self.to_arrow())
-
-    def _part(self, start: int, stop: int) -> Signal:
-        fields = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return Signal(**{**fields, "start": start, "stop": max(start, stop)})
 
 
 class Recording:
@@ -260,7 +103,7 @@ class Recording:
             name=info["name"],
             title=info["title"],
             message=info["message"],
-            columns=tuple(one["axis"] or one["name"] for one in columns),
+            columns=column_names(info),
             units=tuple(one["unit"] for one in columns),
             frame=info["frame"],
             kind=info["kind"],
@@ -270,6 +113,7 @@ class Recording:
             stop=self._store.rows(info["id"]),
             _store=self._store,
             _channel=info["id"],
+            _own=tuple(range(len(columns))),
         )
 
     def __enter__(self) -> Recording:
@@ -281,22 +125,69 @@ class Recording:
     def __iter__(self) -> Iterator[Signal]:
         return iter(self.signals)
 
+    def __len__(self) -> int:
+        return len(self.signals)
+
+    def keys(self) -> list[str]:
+        """Names under which its signals are found, without those of columns: "DEVICE/NAME" where devices share one."""
+        names = Counter(one.name for one in self.signals)
+        return [one.name if names[one.name] == 1 else f"{one.device.name}/{one.name}" for one in self.signals]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether a signal, or a column of one, is found under this name."""
+        return isinstance(name, str) and len(self._named(name)) == 1
+
+    def get(self, name: str, default: Signal | None = None) -> Signal | None:
+        """The signal of this name; `default` where there is none, or several."""
+        named = self._named(name)
+        return named[0] if len(named) == 1 else default
+
+    def _named(self, name: str) -> list[Signal]:
+        """The signals of a name, title or "SIGNAL.COLUMN", each also after "DEVICE/"."""
+
+        def own(text: str, of: Sequence[Signal]) -> list[Signal]:
+            named = [one for one in of if text in (one.name, one.title)]
+            signal, _, column = text.rpartition(".")
+            parts = [column_of(one, column) for one in of if signal in (one.name, one.title) and column in one.columns]
+            return named or parts
+
+        device, slash, rest = name.rpartition("/")
+        of = [one for one in self.signals if slash and device in (one.device.id, one.device.name)]
+        return own(name, self.signals) or own(rest, of)
+
+    def _repr_html_(self) -> str:
+        """A table of its signals, for notebooks."""
+        heads = ("device", "signal", "columns", "unit", "frame", "samples", "Hz")
+        rows = [
+            (
+                one.device.name,
+                one.name,
+                ", ".join(one.columns),
+                ", ".join(dict.fromkeys(filter(None, one.units))),
+                one.frame,
+                str(len(one)),
+                f"{one.rate:.4g}",
+            )
+            for one in self.signals
+        ]
+        cells = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+        head = "".join(f"<th>{one}</th>" for one in heads)
+        return f"<p>{html.escape(repr(self))}</p><table><thead><tr>{head}</tr></thead><tbody>{cells}</tbody></table>"
+
     def __repr__(self) -> str:
         lasts = f"{self.end - self.start:.3f} s" if self.start is not None and self.end is not None else "no samples"
         devices = ", ".join(one.name for one in self.devices)
         return f"<Recording {self.path.name}: {devices}; {len(self.signals)} signals, {lasts}>"
 
     def __getitem__(self, name: str) -> Signal:
-        """The signal of this name or title; "DEVICE/NAME" where several devices have it.
+        """The signal of this name or title; "SIGNAL.COLUMN" is one column, "DEVICE/NAME" that of one device.
 
         Raises:
             ImuscopeError: there is none, or several; the message lists them.
         """
-        device, slash, own = name.rpartition("/")
-        named = [one for one in self.signals if name in (one.name, one.title)]
-        if not named and slash:
-            named = [one for one in self.signals if own in (one.name, one.title)]
-            named = [one for one in named if device in (one.device.id, one.device.name)]
+        if not isinstance(name, str):
+            raise ImuscopeError(f"{name!r} is no name of a signal; `signals` has them in the order of the file.")
+        named = self._named(name)
         if len(named) == 1:
             return named[0]
         if named:
@@ -304,8 +195,9 @@ class Recording:
             messages = ", ".join(f"{one.message} of {one.device.name}" for one in named)
             words = several if len({one.device.id for one in named}) == len(named) else f"from {messages}"
             raise ImuscopeError(f"{self.path.name} has several signals {name!r}: {words}. Use `signals` to choose one.")
-        known = ", ".join(dict.fromkeys(one.title for one in self.signals))
-        raise ImuscopeError(f"{self.path.name} has no signal {name!r}; it has: {known or 'none'}")
+        known = list(dict.fromkeys(one.title for one in self.signals))
+        near = _nearest(name, [*known, *(one.name for one in self.signals)])
+        raise ImuscopeError(f"{self.path.name} has no signal {name!r}{near}; it has: {', '.join(known) or 'none'}")
 
     def analyse(
         self, analysis: str, *signals: str, begin_s: float = 0.0, end_s: float | None = None, **options: float | str
@@ -329,6 +221,8 @@ class Recording:
         from imuscope.recordings.errors import ExplainedError
         from imuscope.server.extensions.analysis.jobs.analyse import AnalyseRequest, reports_of
 
+        if wrong := [name for name in signals if not isinstance(name, str)]:
+            raise ImuscopeError(f"{wrong[0]!r} is no name of a signal; give names one after the other.")
         texts = tuple(f"{name}={value}" for name, value in options.items())
         request = AnalyseRequest(analysis, signals, begin_s, end_s, texts)
         try:
@@ -340,7 +234,7 @@ class Recording:
         self,
         out: str | Path,
         *,
-        signals: Sequence[str] = (),
+        signals: str | Sequence[str] = (),
         device: str = "",
         begin_s: float = 0.0,
         end_s: float | None = None,
@@ -348,8 +242,8 @@ class Recording:
         """Write a file that other programs read; its suffix selects the format, as of `imuscope decode`.
 
         Args:
-            signals: names; none for all.
-            device: id; "" for all.
+            signals: names, or one; none for all.
+            device: id or name; "" for all.
             begin_s, end_s: seconds from the beginning of the recording.
 
         Returns:
@@ -362,10 +256,18 @@ class Recording:
         from imuscope.server.commands.decode import DecodedPart, export_columns
 
         try:
-            part = DecodedPart(begin_s, end_s, device, tuple(self[name].name for name in signals))
+            names = (signals,) if isinstance(signals, str) else signals
+            part = DecodedPart(begin_s, end_s, self._device_id(device), tuple(self[name].name for name in names))
             return export_columns(self._store, self.path, Path(out), part)
         except ExplainedError as error:
             raise ImuscopeError(error.text) from None
+
+    def _device_id(self, name: str) -> str:
+        of = [one.id for one in self.devices if name in (one.id, one.name)]
+        if name and len(of) != 1:
+            listed = ", ".join(f"{one.id} ({one.name})" for one in self.devices)
+            raise ImuscopeError(f"{self.path.name} has {'several devices' if of else 'no device'} {name!r}: {listed}.")
+        return of[0] if name else ""
 
     def close(self) -> None:
         """Remove the columns. Arrays that were read stay."""
@@ -400,7 +302,7 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     from imuscope.recordings.errors import ExplainedError
     from imuscope.recordings.importers.open_file import open_file
     from imuscope.recordings.tables.options import TableOptions
-    from imuscope.server.devices.decode.decode_options import DecodeOptions
+    from imuscope.server.devices.decode.decode_options import DecodeOptions, source_options
     from imuscope.server.devices.decode.protocol_set import all_protocols
     from imuscope.server.library.computed_signals import compute_signals
     from imuscope.server.library.decode import decode
@@ -408,6 +310,11 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     file = Path(path).expanduser()
     if not file.exists():
         raise ImuscopeError(f"{file} does not exist.")
+    known = {option.name for option in source_options()}
+    for name in options:
+        if name not in known:
+            near = _nearest(name, [*known, "protocol", "time_column", "time_unit", "rate", "columns", "clock"])
+            raise ImuscopeError(f"There is no option {name!r}{near}; options of protocols: {', '.join(sorted(known))}.")
     reading = DecodeOptions(protocol, options, TableOptions(time_column, time_unit, None, rate, columns or {}), clock)
     folder = Path(tempfile.mkdtemp(prefix="imuscope-"))
     try:
@@ -423,18 +330,8 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
         raise
 
 
-def _distinct(names: Sequence[str]) -> list[str]:
-    """The names, numbered where two are the same."""
-    result: list[str] = []
-    for name in names:
-        count = sum(other == name or other.startswith(f"{name} (") for other in result)
-        result.append(f"{name} ({count + 1})" if count else name)
-    return result
-
-
-def _pandas() -> Any:
-    try:
-        import pandas
-    except ImportError:
-        raise ImuscopeError("pandas is not installed: pip install pandas.") from None
-    return pandas
+def _nearest(name: str, known: Sequence[str]) -> str:
+    """Question for the most similar name, to be put after it; "" without one."""
+    by_case = {one.casefold(): one for one in known}
+    near = difflib.get_close_matches(name.casefold(), by_case, 1)
+    return f" (did you mean {by_case[near[0]]!r}?)" if near else ""

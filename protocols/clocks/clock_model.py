@@ -115,6 +115,7 @@ class ClockModel:
         self._shrink_s = UNSURE_S
         self._scatter: float | None = None  # of the envelope's points above their line; None: too few
         self._tested = -np.inf
+        self._vague = PRIOR_NS  # accuracy of the envelope's points
         self._wander = 0.0  # how far a hidden delay may have moved while the drift was learned
         self._uncertainty = PRIOR_NS
 
@@ -275,7 +276,18 @@ class ClockModel:
     @property
     def knows_drift(self) -> bool:
         """Whether the history is long enough for the slope to be that of the clock."""
-        return self._scatter is not None and self.newest - self.oldest >= DRIFT_SPANS * self._shrink_s * 1e9
+        span = self.newest - self.oldest
+        return (
+            self._scatter is not None
+            and span >= DRIFT_SPANS * self._shrink_s * 1e9
+            and self.drift_bound() <= COMMON_DRIFT
+        )
+
+    def drift_bound(self) -> float:
+        """± of the slope: that of both ends of the line, and the part of the slope that a short history withholds."""
+        span = min(max((self.newest - self.oldest) / 1e9, 1.0), WINDOW_S)
+        withheld = self._shrink_s**2 / (span**2 + self._shrink_s**2)
+        return 2 * (self._vague + SHARP_NS) / (span * 1e9) + (abs(self.slope) + CRYSTAL_DRIFT) * withheld
 
     def uncertainty(self) -> float:
         """± in ns."""
@@ -290,8 +302,9 @@ class ClockModel:
         if spread.hold and self.newest > RECENT_NS:
             faded = min(max((self.newest - self._tested) / FORGET_NS, 0.0), 1.0)
             self._wander = max(WANDER_FACTOR * spread.hidden, self._wander * (1 - faded))
-        doubt = spread.low + max(spread.hidden, min(COMMON_DRIFT * self.newest, self._wander))
+        doubt = spread.low + max(spread.hidden, spread.grid, min(COMMON_DRIFT * self.newest, self._wander))
         vague = max(self._wander, spread.gap if self._scatter is None else self._scatter)
+        self._vague = max(spread.hidden, spread.gap if self._scatter is None else self._scatter)
         self._shrink_s = min(max((vague + SHARP_NS) / CRYSTAL_DRIFT / 1e9, SURE_S), UNSURE_S)
         self._tested = self.newest
         span, shrink = self.newest / 1e9, self._shrink_s

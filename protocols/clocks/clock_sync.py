@@ -345,6 +345,11 @@ class ClockSync:
         return -self._now.slope / (1 + self._now.slope) * 1e6 if self._now else 0.0
 
     @property
+    def drift_bound_ppm(self) -> float:
+        """± of `drift_ppm`, if the delays of frames do not grow or shrink all along."""
+        return self._now.drift_bound() * 1e6 if self._now else float("inf")
+
+    @property
     def knows_drift(self) -> bool:
         """Whether the clock has been observed for long enough to know its drift: some ten seconds since it started."""
         return self._now is not None and self._now.knows_drift
@@ -353,6 +358,13 @@ class ClockSync:
     def uncertainty_ns(self) -> float:
         """± of the mapping. Infinite before the first row."""
         return self._now.uncertainty() if self._now else float("inf")
+
+    @property
+    def presumes(self) -> str:
+        """Condition under which ± holds, which arrivals cannot show; "" if everything unknown is part of it."""
+        if self._unknown_ns:
+            return "if the network does not delay all frames alike"
+        return "" if self.holds_ns or not self._now else "if not all frames are delayed alike"
 
     @property
     def rows(self) -> int:

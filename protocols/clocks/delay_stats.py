@@ -42,7 +42,7 @@ WAKE_NS = 1e6  # a running host reads within this time
 BURST_NS = 2e6  # an adapter that holds bytes no longer than this is harmless
 STALL_NS = 0.1e9  # a delay that only a host or a network causes
 UNSURE_SHARE = 0.4
-MAX_STALLS = 8
+MAX_STALLS = 512  # of a minute, more than one in an eighth of a second
 MIN_FIT_SHARE = 0.9  # share of the delays that must fit the known adapter
 
 
@@ -56,6 +56,7 @@ class DelaySpread:
         hidden: part of a delay common to all frames that the line may hide.
         bursts: an adapter gathers bytes.
         hold: how long it keeps one, 0 without an adapter.
+        grid: step of an unknown grid of deliveries: the distance of two groups of the smaller delays.
     """
 
     low: float = 0.0
@@ -64,6 +65,7 @@ class DelaySpread:
     hidden: float = 0.0
     bursts: bool = False
     hold: float = 0.0
+    grid: float = 0.0
 
 
 class DelayStatistics:
@@ -140,9 +142,10 @@ class DelayStatistics:
             return DelaySpread(hidden=self._holds_ns)  # nothing is known yet
         soonest = self.minimum(newest)
         low = max(float(soonest[0]), 0.0)
-        gap = float(np.diff(soonest[: count * 5 // 8 + 2]).max())
+        soonest = soonest[: count * 5 // 8 + 2]
+        gap, grid = float(np.diff(soonest).max()), 0.0 if self._holds_ns else _grid(soonest)
         if count < MIN_DELAYS:
-            return DelaySpread(low, 0.0, gap, max(gap, self._holds_ns))
+            return DelaySpread(low, 0.0, gap, max(gap, self._holds_ns), grid=grid)
         bursts = _bursts(delays)
         timer = self._holds_ns or (USUAL_TIMER_NS if bursts else 0.0)
         hold = min(timer, self._filled_after(newest))
@@ -150,7 +153,8 @@ class DelayStatistics:
         top = float(inside[len(inside) * 49 // 50]) if len(inside) else 0.0
         sure = min(self._holds_ns, WAKE_NS) * UNSURE_SHARE  # the delay of the least late ones is never known exactly
         longer = len(inside) < MIN_FIT_SHARE * count  # it keeps bytes for longer than assumed
-        return DelaySpread(low, top, gap, gap if longer or not hold else max(sure, hold - top), bursts, hold)
+        hidden = gap if longer or not hold else max(sure, hold - top)
+        return DelaySpread(low, top, gap, hidden, bursts, hold, grid)
 
     def _filled_after(self, newest: float) -> float:
         """Longest wait of the last byte of a frame for the bytes that fill a packet, ns."""
@@ -160,6 +164,14 @@ class DelayStatistics:
         period = (float(recent.max()) - float(recent.min())) / (len(recent) - 1)
         more = -(-(USB_PACKET_BYTES - 1) // self._size)  # frames until 61 more bytes have come
         return float(more * period + (USB_PACKET_BYTES - 1 - more * self._size) * self._byte_ns)
+
+
+def _grid(delays: Array) -> float:
+    """Greatest distance from the beginning of a group of these delays, ascending, to that of the next group."""
+    gaps = np.diff(delays)
+    widest = int(gaps.argmax())
+    before = np.flatnonzero(gaps[:widest] >= gaps[widest] / 2)
+    return float(delays[widest + 1] - delays[before[-1] + 1 if len(before) else 0])
 
 
 def _bursts(delays: Array) -> bool:

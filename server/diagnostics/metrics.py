@@ -155,6 +155,9 @@ def _clocks(page: PrometheusText, every: Iterable[wire.DeviceHealth]) -> None:
     page.family("imuscope_clock_drift_ratio", "gauge", "Device clock against the host clock; 1e-6 is 1 ppm.")
     for health in every:
         page.add(None if health.drift_ppm is None else health.drift_ppm / 1e6, device=health.device)
+    page.family("imuscope_clock_drift_uncertainty_ratio", "gauge", "Uncertainty (±) of the drift.")
+    for health in every:
+        page.add(None if health.drift_bound_ppm is None else health.drift_bound_ppm / 1e6, device=health.device)
     page.family("imuscope_clock_uncertainty_seconds", "gauge", "Uncertainty (±) of device time mapped to host time.")
     for health in every:
         page.add(None if health.uncertainty_ms is None else health.uncertainty_ms / 1e3, device=health.device)

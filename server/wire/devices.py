@@ -107,8 +107,8 @@ class DeviceHealth:
     capacity: float | None  # bytes/s the link can carry, if known
     jitter_ms: float | None  # p99 of arrival minus expected arrival over the last seconds
     last_arrival: float | None
-    drift_ppm: float | None  # device clock against host clock
-    uncertainty_ms: float | None  # ± of the mapping from device time to host time
+    drift_ppm: float | None  # device clock against host clock; null while it is unknown
+    uncertainty_ms: float | None  # ± of the mapping from device time to host time; null while it is unknown
     rejects_by: dict[str, int] = field(default_factory=dict)  # reason → how many of `rejects`: "bad_checksum", "no_key"
     unclaimed: int = 0  # bytes that belong to no accepted frame and no known message; those of rejected frames count
     verified: int | None = None  # samples whose frames passed all checks; null if the protocol has no such check
@@ -116,6 +116,8 @@ class DeviceHealth:
     dropped: int = 0  # samples dropped for this browser
     behind: Behind = field(default_factory=Behind)  # measured here; a page adds its own part
     jitter_cause: JitterCause | None = None  # cause of uneven arrival times; null while they are even
+    drift_bound_ppm: float | None = None  # ± of `drift_ppm`
+    time_presumes: str = ""  # condition under which both ± hold, or why they are unknown
     numbered: int = 0  # samples received that counters number; lost ones are a share of both together
 
 

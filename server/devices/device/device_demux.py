@@ -27,6 +27,7 @@ from imuscope.server.devices.device.device_state import DeviceState, health
 from imuscope.server.devices.device.event_reporter import EventReporter
 from imuscope.server.devices.device.ingest import DeviceIdentity, Ingest, LinkTiming, ProtocolTraits
 from imuscope.server.devices.device.link_stats import LinkStatistics
+from imuscope.server.devices.device.losses import FULL_LINK_SHARE, link_load
 from imuscope.server.devices.device.silence_watchdog import SilenceWatchdog
 from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.channels import ChannelRegistry
@@ -35,6 +36,7 @@ from imuscope.server.streaming.unknown_payloads import UnknownPayloadTracker
 
 MAX_SENDERS = 16  # on one link; more are probably noise
 SILENT_S = 2.0  # from its first sample on; a link has less (silence_watchdog.py)
+FULL_S = 5.0  # a host that catches up after a pause reads as much for a moment
 FEW_CHUNKS = 8  # are fed one by one
 TAIL_BYTES = 1 << 17  # of the stream, stored for the traffic log
 STOPS_WITHIN_S = 2.0  # samples on their way may come until then
@@ -152,6 +154,7 @@ class LinkDevices:
         self.own_is_unnamed = False  # the stream names only further devices (Xbus); unnamed messages are the own's
         self.addresses: dict[str, int] = {}  # of devices that share a line, over all connections (events.Shared)
         self.created: CallbackList[[LinkDevice]] = CallbackList()  # called with each further device
+        self._free_at = float("-inf")  # when the link had room last, unix s
         self._rejected_names: set[str] = set()
 
     @property
@@ -291,10 +294,13 @@ class LinkDevices:
         their sender is unknown.
         """
         reports = []
+        if link_load(self.own.stats, capacity, now) < FULL_LINK_SHARE:
+            self._free_at = now
+        is_full = now - self._free_at >= FULL_S
         for sender in self.all:
             clock = sender.ingest.clock if sender.ingest is not None else None
             cause = sender.ingest.jitter_cause(now) if sender.ingest is not None else None
-            reports.append(health(sender.state.info.id, sender.stats, clock, capacity, now, cause))
+            reports.append(health(sender.state.info.id, sender.stats, clock, capacity, now, cause, is_full=is_full))
         for one in reports[1:]:
             one.rejects, one.rejects_by = reports[0].rejects, reports[0].rejects_by
         return reports

@@ -18,6 +18,7 @@ from imuscope.server.devices.device.link_stats import LinkStatistics
 from imuscope.server.streaming.sink import TelemetrySink
 
 MAX_ATTEMPTS = 12
+LINE_FULL = "the line is full, so frames wait in the device for an unknown time"
 ARRIVES_S = 2.0  # delays are known from arriving bytes
 MIN_DELAYS = 100  # delays, for one that 99 of 100 stay below
 _TOPICS = re.compile(r"(?!serial:|file:)[a-z][\w+.-]*://(?P<host>[^/]+)(?P<path>/.+)")
@@ -116,6 +117,8 @@ def health(
     capacity: float | None,
     now: float,
     cause: wire.JitterCause | None = None,
+    *,
+    is_full: bool = False,
 ) -> wire.DeviceHealth:
     """The figures for the page.
 
@@ -124,9 +127,12 @@ def health(
         capacity: bytes/s that its link can carry, None if unknown.
         now: unix s.
         cause: why its arrival times are uneven.
+        is_full: whether the link carries as much as it can: frames wait in the device for an unknown time then.
     """
     messages = figures.report(now)
     known = clock is not None and clock.uncertainty_ns < float("inf")
+    mapped = clock if clock is not None and known and not is_full else None
+    drifting = mapped if mapped is not None and mapped.knows_drift else None
     return wire.DeviceHealth(
         device=device,
         time=now,
@@ -145,8 +151,10 @@ def health(
         capacity=capacity,
         jitter_ms=clock.jitter_ns() / 1e6 if clock is not None and known and clock.rows >= MIN_DELAYS else None,
         last_arrival=figures.last_sample or figures.last_arrival,
-        drift_ppm=clock.drift_ppm if clock is not None and clock.knows_drift else None,
-        uncertainty_ms=clock.uncertainty_ns / 1e6 if clock is not None and known else None,
+        drift_ppm=None if drifting is None else drifting.drift_ppm,
+        drift_bound_ppm=None if drifting is None else drifting.drift_bound_ppm,
+        uncertainty_ms=None if mapped is None else mapped.uncertainty_ns / 1e6,
+        time_presumes=LINE_FULL if is_full and known else "" if mapped is None else mapped.presumes,
         jitter_cause=cause,
         behind=wire.Behind(link=_late(figures, clock, now)),
     )

@@ -60,8 +60,8 @@ def _stall(stalls: Sequence[float], kind: str) -> JitterCause:
     longest = max(stalls) / 1e9
     often = "" if len(stalls) == 1 else f", {len(stalls)} times in the last minute"
     if is_network(kind):
-        text = f"No data over the network for {longest:.1f} s{often}, then all at once."
-        return JitterCause("stalls", text, "Check the radio link and the load of the other end, or use a cable.")
+        text = f"Nothing was read for {longest:.1f} s{often}, then all at once: the network or either end paused."
+        return JitterCause("stalls", text, "Check the radio link and the load of both ends, or use a cable.")
     text = f"Nothing was read for {longest:.1f} s{often}, then all at once: this host was likely too busy."
     remedy = "Check its load with `top`; run this server with `nice -n -5` or on another core."
     return JitterCause("stalls", text, remedy)

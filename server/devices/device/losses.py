@@ -132,13 +132,18 @@ class LossReporter:
             return LossCause("wire", "bytes in between failed their checks, so they were damaged on their way here.")
         if self._kind == "udp":
             return LossCause("network", "datagrams did not arrive. The network, this host or the device dropped them.")
-        load = self._stats.bytes.rate(self._now()) / self._capacity if self._capacity else 0.0
+        load = link_load(self._stats, self._capacity, self._now())
         if load >= FULL_LINK_SHARE:
             words = (
                 f"possibly because the line is at {100 * load:.0f} % of its capacity. Lower a rate or raise the baud."
             )
             return LossCause("link", words)
         return LossCause("unknown", "the cause is unknown; nothing damaged was received.")
+
+
+def link_load(stats: LinkStatistics, capacity: float | None, now: float) -> float:
+    """Share of a link's capacity that is in use; 0 if its capacity is unknown."""
+    return stats.bytes.rate(now) / capacity if capacity else 0.0
 
 
 def _rate(times: NDArray[np.float64]) -> float:

@@ -19,6 +19,7 @@ MAX_STALL_STEPS = 4.0  # lengths of a step in which one is caught up
 LASTING_STEP_SHARE = 0.5  # of a step: a difference that changes by less comes back
 MEAN_BLOCKS = 8  # whose means are taken as independent: few, since the axis bends slowly until it is settled
 FEWEST_BLOCKS = 4
+QUANTILES = {4: 4.30, 5: 3.18, 6: 2.78, 7: 2.57, 8: 2.45}  # blocks → of Student's t, 95 %, two-sided, two fitted
 DRIFT_DIGITS = 4
 
 
@@ -82,7 +83,7 @@ def _edges(difference: Floats, steps: Sequence[StepOfClock], usual: float) -> It
 
 
 def _slope_error(x: Floats, rest: Floats) -> float | None:
-    """Standard error of a slope, ppm, from means of blocks: single samples of a burst are not independent."""
+    """Half of the 95 % interval of a slope, ppm, from means of blocks: samples of a burst are not independent."""
     count = min(MEAN_BLOCKS, len(x) // FEWEST_BLOCKS)
     if count < FEWEST_BLOCKS:
         return None
@@ -90,7 +91,8 @@ def _slope_error(x: Floats, rest: Floats) -> float | None:
     sizes = np.diff(np.append(starts, len(x)))
     means_x, means = np.add.reduceat(x, starts) / sizes, np.add.reduceat(rest, starts) / sizes
     spread = float(np.sum((means_x - means_x.mean()) ** 2))
-    return float(np.sqrt(np.sum(means**2) / (count - 2) / spread)) * 1e6 if spread > 0 else None
+    sigma = float(np.sqrt(np.sum(means**2) / (count - 2) / spread)) * 1e6 if spread > 0 else None
+    return None if sigma is None else QUANTILES[count] * sigma
 
 
 def _series(difference: Floats, axis: Floats, bounds: Sequence[int]) -> ClockDifference | None:

@@ -9,6 +9,7 @@ Drift and jitter are those of the longest stretch in which the difference has no
 clocks, or a stall that is caught up, are none.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.recordings.columns.health_history import health_history
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.tables.clocks.axis import MIN_STEP_AHEAD_S, step_limits
 from imuscope.recordings.tables.clocks.steps import ClockWatch, StepOfClock, periods_of
@@ -62,7 +64,7 @@ class FileClock:
         resolution_s: least step that occurs.
         rate_hz: by the usual step; None without one.
         drift_ppm, jitter_s: against the axis; None for the axis itself, and where they are unknown.
-        drift_error_ppm: standard error of the drift.
+        drift_error_ppm: half of the drift's 95 % interval, with the error of an axis that arrivals gave.
         repeats: samples with the time of the one before.
         bursts: share of samples that came at once with the one before, 0..1.
         burst_samples: of a burst, on average; 0 without one.
@@ -131,6 +133,7 @@ def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str,
         yield clock
     else:
         yield from _of_device(store, time, arrival, own)
+    error = 0.0 if table else _axis_error_ppm(store, device, axis)
     for name, values in own.items():
         factor, unit = _unit_of(values, axis)
         if unit:
@@ -138,6 +141,8 @@ def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str,
             clock.unit, clock.use = unit, uses.get(name, "")
             if unit.startswith(COUNTS):  # of the axis itself
                 clock.drift_ppm = clock.drift_error_ppm = None
+            if clock.drift_error_ppm is not None:
+                clock.drift_error_ppm = math.hypot(clock.drift_error_ppm, error)
             yield clock
 
 
@@ -164,8 +169,19 @@ def _of_device(store: ColumnStore, time: Floats, arrival: Floats, own: dict[str,
     yield clock
     if has_both:
         clock = _figures("arrival", arrival, axis)
+        clock.drift_ppm = clock.drift_error_ppm = None  # the axis follows arrivals: a trend is that of their delays
         clock.use = "arrival" if is_choice else ""
         yield clock
+
+
+def _axis_error_ppm(store: ColumnStore, device: str, axis: Floats) -> float:
+    """± of the rate of an axis that was mapped by arrivals, from the uncertainty of its times; 0 if it was not."""
+    span, names = float(np.ptp(axis)) if len(axis) else 0.0, store.manifest.get("health", {})
+    if not span or not names:
+        return 0.0
+    history = health_history(store.folder, names, device, device, math.floor(axis.min()), math.ceil(axis.max()))
+    bounds = [one for one in history.uncertainty_ms[len(history.uncertainty_ms) // 5 :] if one is not None]
+    return 2e3 * float(np.median(bounds)) / span if bounds else 0.0
 
 
 def _columns(

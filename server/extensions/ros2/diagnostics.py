@@ -67,7 +67,9 @@ def diagnostics(
         "frames_rejected": figures.get("rejects"),
         "jitter_ms": _rounded(figures.get("jitter_ms"), 3),
         "clock_drift_ppm": _rounded(figures.get("drift_ppm"), 3),
+        "clock_drift_uncertainty_ppm": _rounded(figures.get("drift_bound_ppm"), 3),
         "stamp_uncertainty_ms": _rounded(uncertainty, 3),
+        "stamp_uncertainty_holds": figures.get("time_presumes") or None,
         **{f"rate_hz.{one['name']}": _rounded(one["rate"], 2) for one in figures.get("messages", ())},
         **{f"frames_rejected.{reason}": count for reason, count in figures.get("rejects_by", {}).items()},
     }

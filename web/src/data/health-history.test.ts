@@ -18,6 +18,8 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
   jitter_ms: null,
   last_arrival: null,
   drift_ppm: null,
+  drift_bound_ppm: null,
+  time_presumes: "",
   uncertainty_ms: null,
   rejects_by: {},
   verified: null,

@@ -18,6 +18,7 @@ import {
   timeWords,
   totals,
   verdict,
+  presumedWords,
 } from "./health-text";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "../data/health-history";
@@ -118,7 +119,8 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const messages = mountMessages(list, deps);
   const reasons = mountReasons(list);
   const words = new LiveMessage(el("p", { class: "note verdict" }));
-  host.append(list, words.node, uneven.node);
+  const presumed = new LiveMessage(el("p", { class: "note" }));
+  host.append(list, presumed.node, words.node, uneven.node);
   const [figuresDue, ageDue] = [throttle(2), throttle(10)];
   return {
     update(now) {
@@ -139,6 +141,8 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       );
       list.title = totals(health);
       words.node.hidden = words.isEmpty;
+      presumed.set(presumedWords(health));
+      presumed.node.hidden = presumed.isEmpty;
       uneven.update(health);
       drawSparks(deps, id, sparks, device?.status === "lost");
     },
@@ -146,6 +150,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       for (const spark of sparks.values()) spark.dispose();
       list.remove();
       words.node.remove();
+      presumed.node.remove();
       uneven.node.remove();
     },
   };

@@ -4,7 +4,16 @@ import type { Store } from "../data/store";
 import { recently } from "./panel-context";
 import { capabilities, countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
-import { healthFigures, isLeftOut, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
+import {
+  healthFigures,
+  isLeftOut,
+  presumedWords,
+  type Recent,
+  recentOf,
+  timeWords,
+  totals,
+  verdict,
+} from "./health-text";
 
 const health: DeviceHealth = {
   device: "1",
@@ -22,6 +31,8 @@ const health: DeviceHealth = {
   jitter_ms: 0.314,
   last_arrival: 99.99,
   drift_ppm: 12.42,
+  drift_bound_ppm: null,
+  time_presumes: "",
   uncertainty_ms: 0.2,
   rejects_by: {},
   verified: null,
@@ -69,11 +80,11 @@ describe("figuresOf", () => {
     expect(gaps({ gaps: 1, blind: 15.3 })).toBe("1 · 15 s");
     expect(gaps({ gaps: 3, lost: 72, blind: 15.3 })).toBe("3 · 72 smp + 15 s");
   });
-  it("gives the uncertainty of device times, rounded up, and marks it if it can be improved", () => {
+  it("gives the uncertainty of device times, rounded up, and marks a large one, whatever its cause", () => {
     const bound = (ms: number | null) => healthFigures({ ...health, uncertainty_ms: ms }, quiet, 0, 0).uncertainty;
     expect(bound(0.36)).toEqual({ value: "± 0.4", unit: "ms", tone: "" });
     expect(bound(0.062).value).toBe("± 0.07");
-    expect(bound(15.2).value).toBe("± 16");
+    expect(bound(15.2)).toEqual({ value: "± 16", unit: "ms", tone: "warn" });
     expect(bound(0.4).value).toBe("± 0.4");
     expect(bound(null).value).toBe("—");
     expect(timeWords(health)).toBe("");
@@ -81,8 +92,16 @@ describe("figuresOf", () => {
       ...health,
       jitter_cause: { kind: "bursts" as const, text: "It comes in bursts.", remedy: "Set the timer." },
     };
-    expect(healthFigures(uneven, quiet, 0, 0).uncertainty.tone).toBe("warn");
+    expect(healthFigures(uneven, quiet, 0, 0).uncertainty.tone).toBe("");
     expect(timeWords(uneven)).toBe("It comes in bursts. Set the timer.");
+  });
+  it("says what an uncertainty presumes, or why it is unknown", () => {
+    expect(presumedWords(health)).toBe("");
+    const presumed = { ...health, drift_bound_ppm: 3.21, time_presumes: "if not all frames are delayed alike" };
+    expect(presumedWords(presumed)).toBe("± of times holds if not all frames are delayed alike.");
+    expect(healthFigures(presumed, quiet, 0, 0).drift.value).toBe("+12.4 ± 3.3");
+    const full = { ...health, uncertainty_ms: null, time_presumes: "the line is full" };
+    expect(presumedWords(full)).toBe("The uncertainty of times is unknown: the line is full.");
   });
   it("judges nothing while decoding is behind, and no loss before the first samples", () => {
     const behind = healthFigures({ ...health, behind: { link: 0, decoding: 12, reason: "" } }, quiet, 12, 0);

@@ -142,12 +142,20 @@ export function healthFigures(
       tone: expected && known && old !== undefined && old > late ? "bad" : "",
     },
     dropped: { value: number(dropped, 0), unit: TEXT.samplesUnit, tone: dropped > 0 ? "warn" : "" },
-    drift: plain({ value: signed(health?.drift_ppm ?? undefined, 1), unit: "ppm" }),
+    drift: plain({ value: driftOf(health), unit: "ppm" }),
     uncertainty: boundOf(health),
   };
 }
 
-/** "± 0.4 ms": never rounded below its value. Coloured while an avoidable cause makes the times uneven. */
+function driftOf(health: DeviceHealth | undefined): string {
+  const [drift, bound] = [health?.drift_ppm ?? undefined, health?.drift_bound_ppm ?? undefined];
+  return bound === undefined ? signed(drift, 1) : `${signed(drift, 1)} ± ${number(Math.ceil(bound * 10) / 10, 1)}`;
+}
+
+/** Times that are less certain than this, ms, want a remedy. */
+const UNCERTAIN_MS = 5;
+
+/** "± 0.4 ms": never rounded below its value. */
 function boundOf(health: DeviceHealth | undefined): HealthQuantity {
   const bound = health?.uncertainty_ms ?? undefined;
   const digits = bound === undefined || bound >= 10 ? 0 : bound >= 0.1 ? 1 : 2;
@@ -155,8 +163,16 @@ function boundOf(health: DeviceHealth | undefined): HealthQuantity {
   return {
     value: up === undefined ? number(up, 0) : `± ${number(up, digits)}`,
     unit: "ms",
-    tone: health?.jitter_cause ? "warn" : "",
+    tone: (bound ?? 0) > UNCERTAIN_MS ? "warn" : "",
   };
+}
+
+/** What both ± presume, or why they are unknown; "" where neither is so. */
+export function presumedWords(health: DeviceHealth | undefined): string {
+  if (!health?.time_presumes) return "";
+  return health.uncertainty_ms === null
+    ? TEXT.timesUnknown(health.time_presumes)
+    : TEXT.boundHolds(health.time_presumes);
 }
 
 /** Cause of uneven arrival times and its remedy; "" while they are even. */

@@ -53,6 +53,8 @@ export function healthAt(
     jitter_ms: null,
     last_arrival: null,
     drift_ppm: null,
+    drift_bound_ppm: null,
+    time_presumes: "",
     uncertainty_ms: null,
     rejects_by: by,
     verified: null,

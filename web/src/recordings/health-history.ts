@@ -48,6 +48,8 @@ export function figuresAt(history: HealthHistory, t: number): Partial<DeviceHeal
     ...(last >= 0 ? { last_arrival: Math.min(t, history.first + last + 1) } : {}),
     jitter_ms: history.jitter_ms[k] ?? history.jitter_ms[k - 1] ?? null,
     drift_ppm: history.drift_ppm[k] ?? null,
+    drift_bound_ppm: null,
+    time_presumes: "",
     uncertainty_ms: history.uncertainty_ms[k] ?? null,
   };
 }

@@ -68,6 +68,7 @@ class DeviceFigures:
             fix=_fix(fresh),
             temperature=_temperature(fresh),
             clock_ppm=None if health is None or not is_live else _finite(health.drift_ppm),
+            clock_ppm_uncertainty=None if health is None or not is_live else _finite(health.drift_bound_ppm),
             clock_uncertainty_ms=None if health is None or not is_live else _finite(health.uncertainty_ms),
         )
 

@@ -130,6 +130,7 @@ class RobotDevice:
     fix: Annotated[Name, Field(description="fix of its receiver of satellites, in words; empty if it has none")] = ""
     temperature: Annotated[Number | None, Field(description="°C")] = None
     clock_ppm: Annotated[Number | None, Field(description="its clock against that of its host")] = None
+    clock_ppm_uncertainty: Annotated[Number | None, Field(description="± of `clock_ppm`")] = None
     clock_uncertainty_ms: Annotated[
         Number | None, Field(description="± of the mapping from device time to host time")
     ] = None
@@ -290,6 +291,6 @@ def _check_finite(report: RobotReport) -> None:
         numbers.append(report.status.latency_ms)
         for one in report.status.devices:
             figures: Sequence[Any] = (one.rate, one.expected_rate, one.loss, one.temperature, one.settings_read)
-            numbers += (*figures, one.clock_ppm, one.clock_uncertainty_ms)
+            numbers += (*figures, one.clock_ppm, one.clock_ppm_uncertainty, one.clock_uncertainty_ms)
     if not all(math.isfinite(one) for one in numbers if one is not None):
         raise ReportError("The message has a number that is not finite.")

@@ -70,6 +70,7 @@ _STEPS: Mapping[str, tuple[float, float]] = {
     "loss": (0.1, 0.0001),
     "temperature": (0.0, 0.5),
     "clock_ppm": (0.05, 1.0),
+    "clock_ppm_uncertainty": (0.25, 0.5),
     "clock_uncertainty_ms": (0.25, 0.02),
 }
 """Figure of a device → the relative and the absolute step; the larger one counts."""

@@ -67,11 +67,15 @@ export function rateCell(device: RobotDevice): RobotCell {
   };
 }
 
-export function clockCell({ clock_ppm: ppm, clock_uncertainty_ms: uncertainty }: RobotDevice): RobotCell {
+export function clockCell({
+  clock_ppm: ppm,
+  clock_ppm_uncertainty: bound,
+  clock_uncertainty_ms: uncertainty,
+}: RobotDevice): RobotCell {
   if (ppm === null && uncertainty === null) return EMPTY;
   if (ppm === null) return { text: `±\u2009${number(orNothing(uncertainty), 2)}`, unit: "ms" };
   return {
-    text: number(ppm, 1),
+    text: bound === null ? number(ppm, 1) : `${number(ppm, 1)} ±\u2009${number(bound, 1)}`,
     unit: "ppm",
     ...(uncertainty === null ? {} : { more: `±\u2009${number(uncertainty, 2)} ms` }),
   };

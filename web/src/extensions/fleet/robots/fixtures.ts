@@ -17,6 +17,7 @@ export function deviceWith(part: Partial<RobotDevice> = {}): RobotDevice {
     fix: "3D",
     temperature: 31.5,
     clock_ppm: 4.2,
+    clock_ppm_uncertainty: 1.5,
     clock_uncertainty_ms: 0.2,
     settings: "",
     settings_read: null,
