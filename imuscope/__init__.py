@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from imuscope.live import Batch, LiveSignal, Server, connect
     from imuscope.recording import Event, Recording, open  # noqa: A004
-    from imuscope.signal import Device, ImuscopeError, Signal
+    from imuscope.signals import Device, ImuscopeError, Signal
 
 __all__ = [
     "Batch",
@@ -48,7 +48,7 @@ def __getattr__(name: str) -> "Any":
     """A public name, imported when it is used: `imuscope --version` needs none of them."""
     if name not in __all__:
         raise AttributeError(f"module 'imuscope' has no attribute {name!r}")
-    module = "live" if name in _OF_LIVE else "signal" if name in _OF_SIGNAL else "recording"
+    module = "live" if name in _OF_LIVE else "signals" if name in _OF_SIGNAL else "recording"
     return getattr(import_module(f"imuscope.{module}"), name)
 
 

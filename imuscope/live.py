@@ -15,7 +15,7 @@ from urllib.parse import urlsplit, urlunsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.signal import Device, ImuscopeError, column_names
+from imuscope.signals import Device, ImuscopeError, column_names
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection

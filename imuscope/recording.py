@@ -34,7 +34,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from imuscope.signal import Device, ImuscopeError, Signal, column_names, column_of
+from imuscope.signals import Device, ImuscopeError, Signal, column_names, column_of
 
 if TYPE_CHECKING:
     from imuscope.recordings.columns.store import ColumnStore

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import imuscope.recording
-import imuscope.signal
-from imuscope.signal import Signal
+import imuscope.signals
+from imuscope.signals import Signal
 from tests.support.cache_folder import cache_folder
 from tests.support.server_process import ROOT, ServerProcess
 from tests.support.server_process import imuscope as run_command
@@ -256,7 +256,7 @@ def test_the_examples_of_the_guide_are_typed(tmp_path: Path) -> None:
 def test_the_examples_of_its_docstrings_are_right() -> None:
     names = {**vars(imuscope.recording)}
     [module, *others] = sorted(doctest.DocTestFinder().find(imuscope.recording), key=lambda one: one.name)
-    others += doctest.DocTestFinder().find(imuscope.signal)
+    others += doctest.DocTestFinder().find(imuscope.signals)
     runner = doctest.DocTestRunner()
     for one in (module, *others):
         one.globs = names
