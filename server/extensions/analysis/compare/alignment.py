@@ -12,8 +12,8 @@ what the sum of r b' is by chance,
     Var(offset) = g² Σ_f P_r(f) |B'(f)|² / (g Σ a' b')²
 
 with the density P_r of the residual from the data (Welch), so that coloured noise counts as what it is; it is enlarged
-if the residual is larger where the signals move. The noise of both sides is in r, and cancels in Σ a' b'. Errors of the
-clocks that put the samples in time are not in it.
+if the residual is larger where the signals move. The noise of both sides is in r, and cancels in Σ a' b'. Where both
+halves of the overlap have offsets of their own, the clocks drift apart, and the interval reaches to those at its ends.
 """
 
 import math
@@ -42,6 +42,7 @@ DISTINCT_SIGMAS = 2.8  # standard deviations between two maxima of which the low
 MIN_SLOPE_SIGMAS = 5.0  # standard deviations of Σ a' b' below which it determines no offset
 MAX_UNCERTAINTY_RATIO = 3.0  # times the least uncertainty: wider smoothing is not tried
 MAX_OTHERS = 5
+DRIFT_SIGMAS = 5.0  # between the offsets of both halves
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,7 @@ class TimeAlignment:
         correlation: of the overlapping parts at this offset, -1 to 1.
         overlap: length of these parts, s.
         others: offsets that fit nearly as well, s, the best one first: of a periodic motion.
+        drift: of the clock of B against that of A, s per s; 0 if there is none for sure.
     """
 
     offset: float
@@ -61,14 +63,21 @@ class TimeAlignment:
     correlation: float
     overlap: float
     others: tuple[float, ...] = ()
+    drift: float = 0.0
 
     @property
     def notes(self) -> list[str]:
         """Sentences for a user."""
-        if not self.others:
-            return []
-        distances = ", ".join(f"{other - self.offset:+.4g} s" for other in self.others)
-        return [f"The motion repeats itself: offsets at a distance of {distances} fit nearly as well."]
+        words = []
+        if self.others:
+            distances = ", ".join(f"{other - self.offset:+.4g} s" for other in self.others)
+            words.append(f"The motion repeats itself: offsets at a distance of {distances} fit nearly as well.")
+        if self.drift:
+            change = f"{1e6 * self.drift:+.3g} ppm, {self.drift * self.overlap:+.3g} s from begin to end"
+            words.append(
+                f"The offset changes by {change}: the clocks differ in rate. The offset is that of the middle."
+            )
+        return words
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,14 +135,17 @@ def align(pairs: Sequence[tuple[Signal, Signal]], low: float = -math.inf, high: 
         message = f"No offset stands out: the best is {offsets[best]:.4g} s, {reached} with so few separate movements."
         hint = "Choose a longer range in which both move, or a signal that does not depend on the mounting: norm(…)."
         raise DomainError("no-result", message, hint)
-    offset, sigma = _refined(samples, grids[0][0], float(offsets[best]))
+    offset, sigma, width = _refined(samples, grids[0][0], float(offsets[best]))
+    seconds = float(overlap[best]) / len(pairs) * step
+    drift = _drift(samples, grids[0][0], offset, width) / seconds
     others = _others(np.where(allowed, correlation, -1.0), best, height - DISTINCT_SIGMAS * spread)
     return TimeAlignment(
         offset,
-        INTERVAL_SIGMAS * sigma,
+        INTERVAL_SIGMAS * sigma + abs(drift) * seconds / 2,
         float(correlation[best]),
-        float(overlap[best]) / len(pairs) * step,
+        seconds,
         tuple(offset + float(step * (one - best)) for one in others),
+        drift,
     )
 
 
@@ -289,16 +301,28 @@ def _others(correlation: Floats, best: int, least: float) -> list[int]:
     return lags
 
 
-def _refined(pairs: Sequence[tuple[_Samples, _Samples]], grid: _Grid, offset: float) -> tuple[float, float]:
-    """Offset between the points of the grid, and its standard deviation, with the smoothing that determines it best."""
-    best = (offset, math.inf)
+def _drift(pairs: Sequence[tuple[_Samples, _Samples]], grid: _Grid, offset: float, width: float) -> float:
+    """Change of the offset over the overlap, s, from those of its halves; 0 if it can be by chance."""
+    times = grid.begin + grid.step * np.arange(len(grid.values), dtype=np.float64)
+    begin = max(times[0], max(b.time[0] for _, b in pairs) + offset)
+    middle = (begin + min(times[-1], min(b.time[-1] for _, b in pairs) + offset)) / 2
+    halves = [_step(pairs, some, grid.step, offset, width) for some in (times[times < middle], times[times >= middle])]
+    if halves[0] is None or halves[1] is None:
+        return 0.0
+    change, sigma = halves[1][0] - halves[0][0], math.hypot(halves[0][1], halves[1][1])
+    return 2 * change if abs(change) > DRIFT_SIGMAS * sigma else 0.0
+
+
+def _refined(pairs: Sequence[tuple[_Samples, _Samples]], grid: _Grid, offset: float) -> tuple[float, float, float]:
+    """Offset between the points of the grid, its standard deviation, and the smoothing that determines it best."""
+    best = (offset, math.inf, 0.0)
     n, step = len(grid.values), grid.step
     times = grid.begin + step * np.arange(n, dtype=np.float64)
     width = 0.0
     while width <= max(n / 40, 1):
         estimate = _newton(pairs, times, step, offset, width)
         if estimate is not None and estimate[1] < best[1]:
-            best = estimate
+            best = (*estimate, width)
         elif estimate is not None and estimate[1] > MAX_UNCERTAINTY_RATIO * best[1]:
             break
         width = 2 * width or 1.0

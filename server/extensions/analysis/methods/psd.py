@@ -33,6 +33,12 @@ def run(signal: Signal, options: Settings) -> Result:
     root = SCALES[int(options["scale"])] == "amplitude"
     spacing = sampling.rate / segments.length
 
+    peaks = peaks_of(frequency, psd, sampling.rate, segments, freedom)
+    notes = [*sampling.notes(), _alias_note(frequency, psd, sampling.rate)]
+    if peaks:
+        apart = f"{4 * segments.resolution(sampling.rate):.3g} Hz"
+        notes.append(f"The uncertainty of a frequency is that of one steady line: two within {apart} may be one.")
+
     def shown(power: Floats) -> Any:
         return (np.sqrt(power) if root else power).tolist()
 
@@ -42,7 +48,7 @@ def run(signal: Signal, options: Settings) -> Result:
         "low": shown(psd * low),
         "high": shown(psd * high),
         "cumulative": np.sqrt(np.cumsum(psd) * spacing).tolist(),
-        "peaks": [peak.figures() for peak in peaks_of(frequency, psd, sampling.rate, segments, freedom)],
+        "peaks": [peak.figures() for peak in peaks],
         "rate": sampling.rate,
         "resolution": segments.resolution(sampling.rate),
         "segments": sum(counts),
@@ -50,7 +56,7 @@ def run(signal: Signal, options: Settings) -> Result:
         "degrees_of_freedom": freedom,
         "jitter": sampling.jitter,
         "gaps": sampling.gaps,
-        "notes": [*sampling.notes(), _alias_note(frequency, psd, sampling.rate)],
+        "notes": notes,
     }
 
 

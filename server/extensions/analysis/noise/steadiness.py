@@ -27,6 +27,7 @@ LEVELS = 10  # parts of which the levels are compared
 GROUPS = 20  # by which the scatter of the moments is known
 MOMENT_SIGMAS = 5.0  # with 19 degrees of freedom: one of 10 000 is so far out
 COMPRESSION_SIGMAS = 5.0
+TAIL_ERRORS = 10.0  # of white noise, from which a moment is that of bursts
 MIN_FLATNESS, MAX_TAIL, MAX_SKEWNESS = 0.06, 0.3, 0.1
 """Kurtosis below and above that of Gauss, and skewness, that change noise parameters by less than 1 %, 5 % and 1 %."""
 STEP_WINDOWS = 2000
@@ -165,5 +166,7 @@ def _beyond_chance(moments: Floats, least: float) -> float:
     """Mean of some moments that are 0 for Gauss; 0 if it can be by chance."""
     groups = np.array([part.mean() for part in np.array_split(moments, GROUPS)])
     away = float(moments.mean())
+    if away > TAIL_ERRORS * least:  # few bursts scatter from group to group as much as they add
+        return away
     sigma = max(float(groups.std(ddof=1)) / np.sqrt(GROUPS), float(least))
     return away if abs(away) > MOMENT_SIGMAS * sigma else 0.0
