@@ -26,7 +26,7 @@ Temperature_2.
 ## Loss
 
 PacketCounter counts every MTData2 message of a device, whatever its content; missing numbers are a SampleGap. A frame
-with the number and the SampleTimeFine of one of the last came twice: it is rejected as "repeated".
+with the payload of one of the last came twice: it is rejected as "repeated".
 
 ## Several devices
 
@@ -167,9 +167,7 @@ class _Clocks:
         self.counter = SequenceCounter(1 << 16)
         self.fine = TickUnwrapper(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
         self.coarse = TickUnwrapper(WRAP, tick_ns=1_000_000_000)
-        self.recent: deque[tuple[int, int]] = deque(
-            maxlen=_RECENT
-        )  # PacketCounter and SampleTimeFine of the last frames
+        self.recent: deque[bytes] = deque(maxlen=_RECENT)  # payloads of the last frames with a PacketCounter
         self.clock = 0  # the best clock shown so far
         self.fix = FIX_UNKNOWN  # by the last GNSS solution
 
@@ -335,11 +333,11 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         clocks, missing = self._clocks, 0
         if not clocks.counter.follows(number):
             missing = int(clocks.counter.missing(np.array((number,)))[0])
-            if clocks.counter.late and (number, ticks) in clocks.recent:
+            if clocks.counter.late and payload in clocks.recent:
                 events.append(RejectedFrame(offset, size, "repeated", int(cut.arrival_ns[0])))
                 return True
         clocks.clock = FINE_CLOCK
-        clocks.recent.append((number, ticks))
+        clocks.recent.append(payload)
         time = clocks.fine.tick(ticks) * TICK_NS
         for _, kind, by in clocks.fine.steps:
             events.append(ClockStep(offset, kind, by * TICK_NS, int(cut.arrival_ns[0])))
@@ -359,7 +357,7 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
         order, bounds = np.empty(n, np.int64), np.empty(n + 1, np.int64)
         groups, bad, without_fine, without_counter = walk(cut.array, body, table[LENGTH], walked, order, bounds)
         if missing is None:
-            missing, repeated = self._missing(walked[COUNTER], walked[FINE], bool(without_counter))
+            missing, repeated = self._missing(cut.data, table, walked, bool(without_counter))
             if repeated:
                 once = np.delete(np.arange(n), repeated)
                 places = zip(*table[[OFFSET, SIZE]][:, repeated].tolist(), arrivals[repeated].tolist(), strict=True)
@@ -451,23 +449,23 @@ class XbusDecoder(StreamDecoder[XbusStreamParser]):
             events.append(ClockStep(int(offsets[i]), kind, by * tick_ns, int(arrivals[i])))
         return ticks * tick_ns
 
-    def _missing(self, counters: Ints, fine: Ints, holes: bool) -> tuple[Ints, list[int]]:
+    def _missing(self, data: bytes, table: Ints, walked: Ints, holes: bool) -> tuple[Ints, list[int]]:
         """Number of frames lost before each, by PacketCounter, and the rows of those that came twice; `holes`: some
         frames do not carry it.
         """
-        counter, recent = self._clocks.counter, self._clocks.recent
+        counter, recent, counters = self._clocks.counter, self._clocks.recent, walked[COUNTER]
         rows = np.flatnonzero(counters >= 0) if holes else np.arange(len(counters))
         missing = np.zeros(len(counters), np.int64)
         missing[rows] = counter.missing(counters[rows] if holes else counters)
         late = set(rows[counter.late].tolist())
         some = rows if late else rows[-_RECENT:]
-        frames = zip(counters[some].tolist(), fine[some].tolist(), strict=True)
+        frames = [data[at : at + size] for at, size in table[[BODY, LENGTH]][:, some].T.tolist()]
         if not late:
             recent.extend(frames)
             return missing, []
         repeated: list[int] = []
         for row, frame in zip(some.tolist(), frames, strict=True):
-            if row in late and frame[1] >= 0 and frame in recent:
+            if row in late and walked[FINE, row] >= 0 and frame in recent:
                 repeated.append(row)
             else:
                 recent.append(frame)

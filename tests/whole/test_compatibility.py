@@ -42,6 +42,7 @@ DECLARED = {
         iter(re.findall(r"const VERSION = (\d+)", DOOR.read_text() if DOOR.exists() else "")), ""
     ),
     "command line": RELEASE,
+    "Python (`import imuscope`)": RELEASE,
     "settings file": "none",
 }
 OF_EXTENSIONS = {"panels of extension packages", "file of alarms", "evidence file", "reports of robots to a fleet"}

@@ -154,7 +154,7 @@ class LinkDevices:
         self.own_is_unnamed = False  # the stream names only further devices (Xbus); unnamed messages are the own's
         self.addresses: dict[str, int] = {}  # of devices that share a line, over all connections (events.Shared)
         self.created: CallbackList[[LinkDevice]] = CallbackList()  # called with each further device
-        self._free_at = float("-inf")  # when the link had room last, unix s
+        self._free_at: float | None = None  # when the link had room last, or the first report, unix s
         self._rejected_names: set[str] = set()
 
     @property
@@ -294,7 +294,7 @@ class LinkDevices:
         their sender is unknown.
         """
         reports = []
-        if link_load(self.own.stats, capacity, now) < FULL_LINK_SHARE:
+        if self._free_at is None or link_load(self.own.stats, capacity, now) < FULL_LINK_SHARE:
             self._free_at = now
         is_full = now - self._free_at >= FULL_S
         for sender in self.all:
