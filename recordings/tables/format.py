@@ -31,22 +31,33 @@ MAX_COLUMNS = 500  # that are read
 MOST_COLUMNS = 20_000  # of a file, of which the user names some
 LONGEST_CELL = 10_000  # characters of a row with line breaks in it: else a quotation mark is only an inch
 MAX_HEAD_LINES = 200
-START_NAMES = ("start time", "start", "start_time", "starttime", "recording start", "logging started", "time", "date")
+CREATED = "file created on"  # of VBOX and RaceChrono, day first
+START_NAMES = (
+    *("start time", "start", "start_time", "starttime", "recording start", "logging started", "capture date"),
+    *("recording date", "recorded", "recorded on", "recorded at", "log date", "session date", "date/time", "datetime"),
+    *("creation date", "created", "created on", CREATED, "timestamp", "time", "date"),
+)
 START_PAIRS = tuple((f"{of}date", f"{of}time") for of in ("start ", "", "recording ", "log "))
 ORDERS: Mapping[str, Order] = {"m": "mdy", "d": "dmy"}  # first letter of a date format
 GPS_NAMES, GPS_PARTS = ("gpst", "gps time"), ("GPS week", "tow (s)")
+GYROFLOW = "tscale"  # the head of a log for Gyroflow has it
+SCALES = {"t": ("tscale", "s"), "g": ("gscale", "rad/s"), "a": ("ascale", "g"), "m": ("mscale", "G")}
+"""First letter of a column → the factor in that head, and the unit of the product."""
+UNIT_SHARE = 0.5  # of the words in a line of units are units
 MIN_SHARE = 0.8  # of the lines have as many cells as there are columns
 SEPARATORS = "\t;|, "
 _UNIT = re.compile(
     r"|[(\[].*[)\]]|[mnuµ]?s(?:ecs?)?|seconds|(?:deg|degrees?|°|rad|dps)(?:/s(?:ec)?)?|[mck]?m|km/?h|kph|m?g|[unµm]?t|"
-    r"m/s(?:ec)?(?:\^?2|²|/s)?|m/\(s(?:ec)?\^2\)|m?gauss|[hk]?pa|mbar|(?:deg|°)?c|m?v|%|hz|lsb|counts?|no_units|unitless|"
-    r"n/a|-|none|utc|weeks|local_flux|kohms",
+    r"m/s(?:ec)?(?:\^?2|²|/s)?|m/\(s(?:ec)?\^2\)|m?gauss|[hk]?pa|m?bar|psi|(?:deg|°)?[cf]|[mk]?v|[mk]?a|[mk]?w|%|k?hz|"
+    r"lsb|counts?|no_units|unitless|n/a|-|none|utc|weeks|local_flux|k?ohms?|rpm|bpm|mph|kn|kts|knots|ft|in|mi|min|hours|"
+    r"k?nm?|m?kg|lb|l/h|l/min|lux|db[mv]?|ppm|afr|ratio|[µu]m|m\^?3|deg/s(?:\^2|²)",
     re.IGNORECASE,
 )
 _SEP = re.compile(r"^\s*\"?sep=(.)\"?\s*$", re.IGNORECASE)
 _PAIR = re.compile(r"^\s*(?P<name>[^:=,;\t{}]{1,60})(?:[:=]\s*[,;\t]?|[,;\t])\s*(?P<value>.{1,200}?)\s*$")
 _EQUAL = re.compile(r"\b\w++ ?= ?[^,;=\t]+")  # a word is tried once: a note may be one of a hundred thousand letters
 _IS_TIMED = re.compile(r":|\d_\d\d-\d\d-\d\d")
+_CREATED = re.compile(r"^\s*(file created on)\s+(\d\S*)(?:\s*(?:@|at)\s*(\d\S*))?", re.IGNORECASE)
 _FORMAT = re.compile(r"\bdate format ([MdyMD]{1,4}[./-][MdyMD]{1,4}[./-][MdyMD]{1,4})")
 _START = re.compile(r"^\s*(start (?:date|time))\s+(\d\S*)\s*$", re.IGNORECASE)
 _AT_RATE = re.compile(r"\bat (\d+(?:\.\d+)? ?Hz)\b")
@@ -75,6 +86,7 @@ class TableFormat:
         is_ragged: whether many rows have another number of cells.
         has_lines: whether a cell in quotation marks may have several lines.
         unused: names in the heading behind those of the columns.
+        odd_units: words in the line of units that are none, by column.
     """
 
     skip: int
@@ -88,18 +100,36 @@ class TableFormat:
     is_ragged: bool = False
     has_lines: bool = False
     unused: int = 0
+    odd_units: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def started(self) -> float | None:
         """Start time in the head, unix s; None without one, or if its day may be its month."""
         pairs = [f"{self.metadata.get(date, '')} {self.metadata.get(clock, '')}" for date, clock in START_PAIRS]
         texts = [*(text for name in START_NAMES if _IS_TIMED.search(text := self.metadata.get(name, ""))), *pairs]
+        stamp = self.metadata.get("timestamp", "")
+        if GYROFLOW in self.metadata and stamp.isdecimal() and is_dated(float(stamp), math.inf):
+            return float(stamp)
+        return next((at for text in texts if (at := self._moment(text)) is not None), None)
+
+    @property
+    def day(self) -> float | None:
+        """The date in the head, where it has no time of day: its midnight, unix s; None without one."""
+        texts = (self.metadata.get(name, "") for name in START_NAMES)
+        days = (at for text in texts if not _IS_TIMED.search(text) and (at := self._moment(text)) is not None)
+        return next(days, None) if self.started is None else None
+
+    def _moment(self, text: str) -> float | None:
         stated = self.metadata.get("date format", "")
-        for one in texts:
-            order = ORDERS.get(stated[:1].lower()) or order_of([one], math.inf)[0]
-            if order is not None and (at := unix_seconds(one, order)) is not None:
-                return at
-        return None
+        created: Order | None = "dmy" if text == self.metadata.get(CREATED) else None
+        order = created or ORDERS.get(stated[:1].lower()) or order_of([text], math.inf)[0]
+        return unix_seconds(text, order) if order is not None and is_moment(text) else None
+
+    def scale(self, name: str) -> tuple[float, str]:
+        """Factor and unit of the numbers in a column that the head of a log for Gyroflow names; 1 and "" for others."""
+        key, unit = SCALES.get(name.strip().lower()[:1], ("", ""))
+        stated = self.metadata.get(key, "") if GYROFLOW in self.metadata else ""
+        return (float(stated), unit) if is_number(stated) else (1.0, "")
 
 
 def is_number(text: str) -> bool:
@@ -189,7 +219,12 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     shorter: list[str] = []  # the last one with a name too few
     index = ""  # the only name in a line below the others, as pandas writes that of its index
     first = heading_at = len(lines)
+    padded = _padded_lines(lines, separator, count)
+    for line in lines[:padded]:
+        _note(metadata, line.strip().rstrip(separator).strip(_MARKS))
     for at, line in enumerate(lines[:MAX_HEAD_LINES]):
+        if at < padded:
+            continue
         is_comment = _is_comment(line)
         cells = _head_cells(line, separator, count)
         if separator == " " and len(cells) == count and not cells[-1]:  # no cell of blanks is empty
@@ -233,7 +268,7 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
         metadata |= {"start time": utc_text(start), "rate": rows[1][0]}
         first, rows = first + 2, rows[2:]
     sample = [row for row in rows if len(row) == count]
-    headings = _headings(above[False] or above[True])
+    headings, odd_units = _headings(above[False] or above[True])
     unused = 0
     if not headings and longer and not any(map(_is_bare, longer[:count])):
         headings, unused = longer[:count], len(longer) - count
@@ -244,7 +279,8 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
         headings = ["", *shorter]
     if headings and index and not headings[0]:
         headings = [index, *headings[1:]]
-    return TableFormat(first, separator, decimal, headings, sample, count, metadata, marks, is_ragged, unused=unused)
+    form = TableFormat(first, separator, decimal, headings, sample, count, metadata, marks, is_ragged, unused=unused)
+    return replace(form, odd_units=odd_units)
 
 
 def _is_numbering(rows: Sequence[Sequence[str]]) -> bool:
@@ -334,14 +370,42 @@ def _with_time(cells: list[str], row: Sequence[str]) -> list[str]:
     return [*GPS_PARTS, *cells[1:]] if is_week else cells
 
 
-def _headings(lines: Sequence[list[str]]) -> list[str]:
-    """Headings of the lines above the rows: the last with the most names, with the units of a line of units."""
-    units = lines[-1] if len(lines) > 1 and all(map(_UNIT.fullmatch, lines[-1])) else []
+def _headings(lines: Sequence[list[str]]) -> tuple[list[str], dict[int, str]]:
+    """Headings of the lines above the rows: the last with the most names, with the units of a line of units; and
+    its words that are not units.
+    """
+    units = lines[-1] if len(lines) > 1 and _are_units(lines[-1]) else []
     lines = lines[:-1] if units else lines
+    odd = {at: unit for at, unit in enumerate(units) if not _UNIT.fullmatch(unit)}
     names = max(reversed(lines), key=_distinct_names, default=[])
     names = _under(lines[lines.index(names) - 1], names) if lines and lines.index(names) else names
     plain = [unit[1:-1] if unit[:1] in ("(", "[") else unit for unit in units or [""] * len(names)]
-    return [f"{name} ({unit})" if unit and name else name for name, unit in zip(names, plain, strict=True)]
+    named = enumerate(zip(names, plain, strict=True))
+    return [f"{name} ({unit})" if unit and name and at not in odd else name for at, (name, unit) in named], odd
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a line below the names is one of units: at least half of its words are units."""
+    filled = list(filter(None, cells))
+    units = [cell for cell in filled if _UNIT.fullmatch(cell)]
+    return len(units) == len(filled) or len(units) >= max(UNIT_SHARE * len(filled), 1)
+
+
+def _padded_lines(lines: Sequence[str], separator: str, count: int) -> int:
+    """Lines of a preamble that a spreadsheet filled up with empty cells, before a heading that is wider than they."""
+    if separator == " " or count <= FEWEST_ROWS:
+        return 0
+    widths: list[int] = []
+    for at, line in enumerate(lines[:MAX_HEAD_LINES]):
+        cells = [] if _is_comment(line) else _head_cells(line, separator, count)
+        width = max((place + 1 for place, cell in enumerate(cells) if cell), default=0)
+        is_heading = (
+            width > count / 2 and not _is_data(cells) and sum(map(bool, map(_LETTER.search, cells))) > count / 2
+        )
+        if is_heading or (cells and len(cells) != count) or width > count / 2:
+            return at if is_heading and len(list(filter(None, widths))) > 1 and max(widths) <= count / 2 else 0
+        widths.append(width)
+    return 0
 
 
 def _under(groups: list[str], names: list[str]) -> list[str]:
@@ -368,11 +432,15 @@ def _note(metadata: dict[str, str], line: str) -> None:
     for name, value in pairwise(quoted):
         if name and value:
             metadata.setdefault(name.strip().lower(), value)
-    for piece in (*re.split("[,;\t]", line), line, *_EQUAL.findall(line)):
+    whole = _PAIR.match(line)
+    dated = [line] if whole is not None and is_moment(whole["value"].strip("\"',; \t")) else []  # Mar 2, 2026
+    for piece in (*dated, *re.split("[,;\t]", line), line, *_EQUAL.findall(line)):
         if (match := _PAIR.match(piece)) is not None and match["value"].strip():
             metadata.setdefault(match["name"].strip(' "').lower(), match["value"].strip("\"',; \t"))
     if (rate := _AT_RATE.search(line)) is not None:
         metadata.setdefault("rate", rate[1])
+    if (created := _CREATED.match(line)) is not None:
+        metadata.setdefault(CREATED, " ".join(filter(None, created.groups()[1:])))
     if (start := _START.match(line)) is not None:
         metadata.setdefault(start[1].lower(), start[2])
     if (stated := _FORMAT.search(line)) is not None:

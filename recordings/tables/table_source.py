@@ -34,7 +34,7 @@ from imuscope.recordings.tables.clocks.sample import TableSample
 from imuscope.recordings.tables.clocks.search import axis_of_table
 from imuscope.recordings.tables.clocks.steps import ClockWatch, periods_of
 from imuscope.recordings.tables.dates import cells_of
-from imuscope.recordings.tables.format import TableFormat, format_of, renamed
+from imuscope.recordings.tables.format import TableFormat, format_of, is_number, renamed
 from imuscope.recordings.tables.headings import ColumnHeading, unique
 from imuscope.recordings.tables.line_marks import NO_MARKS, LineMarks
 from imuscope.recordings.tables.options import TableOptions
@@ -57,8 +57,10 @@ _RATE = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
 _INTERVAL = re.compile(r"^\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*(s|sec|seconds|ms|us|µs)\s*$", re.IGNORECASE)
 _INTERVAL_NAME = re.compile(r"^(sampl(e|ing)|data|log(ging)?|measurement)[ _]?(interval|period|time)$|^dt$|^interval$")
 _RATE_NAME = re.compile(
-    r"^((update|output|sampl(e|ing)|data|log(ging)?|measurement)[ _]?)?(rate|frequency|freq)$|^fs$|^odr$"
+    r"^((update|output|sampl(e|ing)|data|log(ging)?|measurement|acquisition)[ _]?)?(rate|frequency|freq)$|^fs$|^odr$|"
+    r"^samples?[ _]per[ _]second$"
 )
+_UNIT_OF_NAME = re.compile(r"^(.*?)\s*[(\[]\s*(hz|sps|s|sec|ms|us|µs)\s*[)\]]$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +156,7 @@ class CsvSource(TableSource):
             pair = by_name["time"], by_name["arrival"]  # of a message without a clock: the arrival is its time
             self.headings[pair[0]], self.headings[pair[1]] = self.headings[pair[1]], self.headings[pair[0]]
         self.names = unique([one.name or f"column {i + 1}" for i, one in enumerate(self.headings)])
+        self._scales = [self.form.scale(one.name) for one in self.headings]
         self.refusal: RecordingError | None = None
         self._unreadable = UnreadableCells(lambda i: self.headings[i].text or self.names[i])
         self._timeless = 0  # rows with numbers but without a time
@@ -339,7 +342,8 @@ class CsvSource(TableSource):
                 continue
             matches = digits(batch.column(i)) if i in self._hexadecimal else numbers(batch.column(i), decimal)
             self._unreadable.note(i, batch.column(i), matches, parsed)
-            columns[name] = (matches.values[known], heading.unit)
+            scale, unit = self._scales[i]
+            columns[name] = (matches.values[known] * scale if unit else matches.values[known], unit or heading.unit)
             is_filled |= np.isfinite(matches.values[~known])
         self._timeless += int(np.count_nonzero(is_filled))
         if axis.keeps_clock:
@@ -368,6 +372,9 @@ class CsvSource(TableSource):
         if self.form.unused:
             there = f"The heading has {self.form.columns + self.form.unused} names, the rows {self.form.columns} cells"
             self.damage.append(FileDamage(-1, f"{there}: the first names are taken."))
+        if self.form.odd_units:
+            odd = ", ".join(f"{text!r:.40} ({self.names[i]})" for i, text in self.form.odd_units.items())
+            self.damage.append(remark(f"Words in the line of units that are not units are left out: {odd}."))
         if self._timeless and self.axis is not None:
             rows = counted(self._timeless, "row has no time and is", "rows have no time and are")
             self.damage.append(FileDamage(-1, f"{rows} left out ({self.axis.name})."))
@@ -406,7 +413,11 @@ def is_rate_name(name: str) -> bool:
 
 def _head_rate(form: TableFormat) -> float:
     """Sampling rate in the head of a file, Hz; 0 without one."""
-    for name, text in form.metadata.items():
+    for full, text in form.metadata.items():
+        name, unit = full, ""
+        if (bracketed := _UNIT_OF_NAME.match(full)) is not None:
+            name, unit = bracketed[1], bracketed[2]
+        text = f"{text} {unit}" if is_number(text) and unit else text
         match = _RATE.match(text) if _RATE_NAME.match(name) else None
         if match is not None and (number := float(match[1])) > 0:
             return 1000 / number if match[2] == "ms" else number

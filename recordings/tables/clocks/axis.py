@@ -21,6 +21,7 @@ from imuscope.recordings.tables.time_units import RATE_TOLERANCE, UNSORTED_SHARE
 
 MIN_STEP_AHEAD_S, STEP_AHEAD_SPREAD = 5.0, 3.0
 HOUR = 3600.0
+HEAD = "the head of the file"
 LAST_CHANGE = "the file's last change"
 NAME = "the file's name"
 FEWEST_STEPS = 8  # in a sample, to speak of an order
@@ -169,14 +170,19 @@ def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) ->
     if clock.epoch in ("1970", "GPS"):
         return 0.0, ""
     written = path.stat().st_mtime
-    named, start = dated_name(path.name), form.started
+    named, start, day = dated_name(path.name), form.started, form.day
     if clock.epoch == "start":
         if start is not None:
-            return start - first, "the head of the file"
+            return start - first, HEAD
+        if day is not None and (named is None or named // DAY_S != day // DAY_S):
+            written_then = written - first if written // DAY_S == day // DAY_S else day - first
+            return written_then, f"{HEAD}, which has no time of day"
         return (named - first, NAME) if named is not None else (written - first, LAST_CHANGE)
     known, by = (named, NAME) if named is not None else (written, LAST_CHANGE)
     if clock.epoch == "day" and start is not None:
-        return round((start - first) / DAY_S) * DAY_S, "the head of the file"
+        return round((start - first) / DAY_S) * DAY_S, HEAD
+    if clock.epoch == "day" and day is not None:
+        return day, HEAD
     return period_start(clock.epoch, first, known, written), by
 
 

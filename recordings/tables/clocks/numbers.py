@@ -33,6 +33,12 @@ def number_clock(sample: TableSample, column: int, rank: int) -> TableClock:
     """A column of numbers, its unit by the options, its heading, or the numbers."""
     heading = sample.headings[column]
     sure: Sure = "stated"
+    scale, _ = sample.form.scale(heading.name)
+    if scale != 1.0 and not sample.options.unit:
+        why = f"the head of the file names {scale:g} s as the unit of {heading.name}"
+        return TableClock(
+            sample.name(column), (column,), "number", f"{scale:g} s", (scale,), "start", sure, why, rank=rank
+        )
     if unit := SPELLINGS.get(sample.options.unit, ""):
         why = "as chosen"
     elif unit := names.named_unit(heading):
