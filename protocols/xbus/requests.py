@@ -185,11 +185,15 @@ def to_config(times: StateTimes) -> Transaction[None]:
         raise NoReplyError("GoToConfig", round(times.config_s / STEP_S), STEP_S, NO_RESET)
 
 
-def _insist(patience_s: float) -> Transaction[bool]:
-    """Send GoToConfig every 100 ms; a device that wakes up in between is kept in the config state."""
+def _insist(patience_s: float, *, is_awake: bool = False) -> Transaction[bool]:
+    """Send GoToConfig every 100 ms; a device that wakes up in between is kept in the config state.
+
+    Args:
+        is_awake: the device has just spoken, so it answers at once.
+    """
     for _ in range(round(patience_s / STEP_S)):
         yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
-        message = yield WaitFor(_config_or_awake, STEP_S, "GoToConfig")
+        message = yield WaitFor(_config_or_awake, STEP_S, "GoToConfig", is_answer=is_awake)
         if message == GO_TO_CONFIG + 1:
             return True
         if message == WAKE_UP:
@@ -244,7 +248,7 @@ def restore_communication(times: StateTimes) -> Transaction[bool]:
         if (yield WaitFor(_awake, RESTORE_GAP_S, "WakeUp")):
             yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
             yield Sleep(STEP_S)
-            return (yield from _insist(times.config_s))
+            return (yield from _insist(times.config_s, is_awake=True))
         sent += RESTORE_GAP_S
     return False
 

@@ -447,16 +447,15 @@ async def _call_device(running: RunningJob, timings: ConfigurationTimings) -> bo
     """
     controller = running.controller
     end = time.monotonic() + timings.return_s
-    known = controller.context
     while True:
         try:
-            return await controller.run(controller.driver.restore_communication(known))
-        except LinkError as gone:
+            await controller.member.access.reopen()  # a port that is gone already is waited for, too
+            return await controller.run(controller.driver.restore_communication(controller.context))
+        except LinkError:
+            if time.monotonic() > end:
+                raise
             running.step("Its port is gone: switch the device on again")
-            while not await recovery.reopened(controller):
-                if time.monotonic() > end:
-                    raise gone from None
-                await asyncio.sleep(timings.reopen_s)
+            await asyncio.sleep(timings.reopen_s)
 
 
 def also_changed(controller: DeviceController, old: Mapping[str, Values], written: Sequence[WriteResult]) -> list[str]:

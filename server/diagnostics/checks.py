@@ -83,6 +83,8 @@ class Machine:
         uid, groups, name: of the user.
         synchronised: whether the kernel reports a synchronised clock; None if unknown.
         wall, steady: clocks, s.
+        free: bytes left on the disk of a folder.
+        sync: median time that a sync to it takes, s.
     """
 
     data: Path
@@ -94,6 +96,8 @@ class Machine:
     synchronised: Callable[[], bool | None] = lambda: kernel_clock()
     wall: Callable[[], float] = time.time
     steady: Callable[[], float] = time.monotonic
+    free: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free
+    sync: Callable[[Path], float] = lambda folder: _sync_time(folder)
 
     def path(self, path: str) -> Path:
         return self.root / path.lstrip("/")
@@ -230,8 +234,7 @@ def disk(machine: Machine) -> Iterator[Finding]:
     else:
         yield Finding("ok", "data folder", f"{data} can be written{f' ({kind})' if kind else ''}.")
     try:
-        free = shutil.disk_usage(place).free
-        sync_s = _sync_time(place)
+        free, sync_s = machine.free(place), machine.sync(place)
     except OSError as error:
         yield Finding("problem", "disk", f"It cannot be written: {error.strerror}.", ("Free some space.",))
         return

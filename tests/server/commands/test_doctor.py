@@ -46,6 +46,8 @@ def machine(tmp_path: Path) -> Machine:
         synchronised=lambda: True,
         wall=lambda: NOW,
         steady=lambda: 100.0,
+        free=lambda folder: 10**12,
+        sync=lambda folder: 1e-3,
     )
 
 
@@ -179,17 +181,21 @@ def test_a_data_folder_that_cannot_be_written(machine: Machine) -> None:
     assert "sudo chown pi" in only(machine, "problem", "data folder").todo[0]
 
 
-@each_row(("free", "status"), [(3e9, "warning"), (2e8, "problem")])
-def test_a_disk_that_is_nearly_full(
-    machine: Machine, free: float, status: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(shutil, "disk_usage", lambda place: SimpleNamespace(free=free))
-    assert "recordings_quota_gb" in only(machine, status, "disk").todo[0]
+@each_row(("free", "status"), [(3_000_000_000, "warning"), (200_000_000, "problem")])
+def test_a_disk_that_is_nearly_full(machine: Machine, free: int, status: str) -> None:
+    full = replace(machine, free=lambda folder: free)
+    assert "recordings_quota_gb" in only(full, status, "disk").todo[0]
 
 
-def test_a_slow_disk(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "_sync_time", lambda place: 1.5)
-    assert "1500.0 ms" in only(machine, "warning", "disk").message
+def test_a_slow_disk(machine: Machine) -> None:
+    assert "1500.0 ms" in only(replace(machine, sync=lambda folder: 1.5), "warning", "disk").message
+
+
+def test_the_real_disk_is_measured_and_nothing_left_there(machine: Machine) -> None:
+    here = Machine(machine.data, root=machine.root)
+    assert 0.0 < here.sync(machine.data) < 60.0
+    assert here.free(machine.data) > 0
+    assert list(machine.data.iterdir()) == []
 
 
 def test_an_unsynchronised_clock(machine: Machine) -> None:
