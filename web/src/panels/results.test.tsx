@@ -205,7 +205,8 @@ for (const [id, { route, answer, mark = "MARK", open, change }] of Object.entrie
   });
 
 /** Questions about data, and the files that ask one for something else than a result on screen. */
-const QUESTION = /"(POST \/api\/(analysis|comparison|query|alarms\/(check|preview))|GET [^"]*\/(clocks|calibration|shares))[/"{]/;
+const QUESTION =
+  /"(POST \/api\/(analysis|comparison|query|alarms\/(check|preview))|GET [^"]*\/(clocks|calibration|shares))[/"{]/;
 const OTHERWISE: Readonly<Record<string, string>> = {
   "../extensions/analysis/results.tsx": "copies the result as a text, by its own question",
   "../extensions/moments/go-to.tsx": "a place is gone to when it is asked for",

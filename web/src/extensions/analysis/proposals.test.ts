@@ -4,7 +4,9 @@ import type { Channel } from "../../data/channels";
 import { likeNames } from "./proposals";
 
 const channel = (device: string, name: string, title: string, unit: string, kind = "vector"): Channel =>
-  ({ info: { device, name, title, unit, kind, source: "", columns: [{ name: "x" }, { name: "y" }] } }) as unknown as Channel;
+  ({
+    info: { device, name, title, unit, kind, source: "", columns: [{ name: "x" }, { name: "y" }] },
+  }) as unknown as Channel;
 const CHANNELS = [
   channel("1", "RateOfTurn", "Rate of turn", "°/s"),
   channel("1", "Quaternion", "Quaternion", ""),
