@@ -28,8 +28,10 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
 from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.cells import are_hexadecimal, digits, numbers, sample_times, times_of
-from imuscope.recordings.tables.clock import TableClock
+from imuscope.recordings.tables.clock import FEWEST_ROWS, MOST_TIMES, TableClock, few_times
 from imuscope.recordings.tables.clocks.axis import TimeAxis, order_words, origin_of, step_limits
+from imuscope.recordings.tables.clocks.evenness import offset_between
+from imuscope.recordings.tables.clocks.packets import PacketSpread, spread_of
 from imuscope.recordings.tables.clocks.sample import TableSample
 from imuscope.recordings.tables.clocks.search import axis_of_table
 from imuscope.recordings.tables.clocks.steps import ClockWatch, periods_of
@@ -181,9 +183,8 @@ class CsvSource(TableSource):
             usual = clock.factors[0]
         first = float(sample[0]) if len(sample) else 0.0
         origin, dated_by = origin_of(clock, first, self.form, path)
-        dates = next((one for one in others if one.epoch in ("1970", "GPS") and len(self._sample_times(one))), None)
-        if dated_by and clock.epoch == "start" and dates is not None:
-            origin, dated_by = float(self._sample_times(dates)[0]) - first, dates.name
+        if dated_by and clock.epoch == "start":
+            origin, dated_by = self._dated_by(clock, others) or (origin, dated_by)
         self.axis = TimeAxis(
             clock,
             others,
@@ -196,6 +197,11 @@ class CsvSource(TableSource):
         )
         self._ahead = ahead
         self.axis.order = order_words(sample) if path.stat().st_size <= SORTED_BYTES else ""
+        self._head = head
+        if (packets := self._packets(self.axis)) is not None:
+            packets.feed(sample)
+            packets.end()
+            self.axis.packets = packets
         self.timed = not dated_by
 
     def option_of(self, clock: TableClock) -> str:
@@ -207,9 +213,24 @@ class CsvSource(TableSource):
     def _form_of_file(self) -> TableFormat:
         return format_of(self.path, may_be_narrow=self._options.rate > 0)
 
+    def _packets(self, axis: TimeAxis) -> PacketSpread | None:
+        """Packets to be fed with the times of the rows; None if these have times of their own."""
+        if axis.clock.kind == "rows" or axis.order:
+            return None
+        return spread_of(self._head, axis.clock, self._sample_times(axis.clock), axis.usual_s)
+
     def _sample_times(self, clock: TableClock) -> Floats:
         values = sample_times(clock, self.form.sample, self.form.decimal)
         return values[np.isfinite(values)]
+
+    def _dated_by(self, clock: TableClock, others: Sequence[TableClock]) -> tuple[float, str] | None:
+        """Origin of a clock without a date by one that has it, else by a time of day, and its name; None without."""
+        for epochs in (("1970", "GPS"), ("day",)):
+            for one in (one for one in others if one.epoch in epochs and len(self._sample_times(one))):
+                of_day, by = origin_of(one, float(self._sample_times(one)[0]), self.form, self.path)
+                fine, coarse = (sample_times(each, self.form.sample, self.form.decimal) for each in (clock, one))
+                return offset_between(fine, coarse) + of_day, f"{one.name} and {by}" if by else one.name
+        return None
 
     # -- reading -------------------------------------------------------------------------------------------------------
 
@@ -260,7 +281,7 @@ class CsvSource(TableSource):
         if clock.kind == "rows":
             return watch
         names = [self.names[column] for column in clock.columns]
-        first_odd, held = "", list[Floats]()
+        first_odd, held, packets = "", list[Floats](), self._packets(axis)
         for batch in self._batches(names, [], list[FileDamage]()):
             columns = [batch.column(i) for i in range(len(names))]
             cells = times_of(clock, columns, self.form.decimal)
@@ -270,15 +291,20 @@ class CsvSource(TableSource):
             times = cells.values[np.isfinite(cells.values)]
             held += [times] if axis.order else []
             watch.feed(times if not axis.order else times[:0])
+            if packets is not None:
+                packets.feed(times)
+        if packets is not None:
+            packets.end()
+            axis.packets = packets
         if held:
             watch.feed(np.sort(np.concatenate(held)))
         watch.end()
         if not watch.rows and first_odd:
             hint = "Name its times: --time-column, or --rate for a table without any."
             raise RecordingError(f"{self.path.name}: {axis.name} cannot be read, first {first_odd!r:.80}.", hint)
-        if watch.is_constant:
-            words = f"{self.path.name}: all {counted(watch.rows, 'row')} have the same time in {axis.name}."
-            raise RecordingError(words, "Name another column with --time-column, or the sampling rate with --rate.")
+        different = 1 if watch.is_constant else watch.rows - watch.repeats
+        if watch.is_constant or (watch.rows >= FEWEST_ROWS and different <= MOST_TIMES):
+            raise few_times(self.path.name, axis.name, different, watch.rows)
         return watch
 
     def _batches(

@@ -164,6 +164,17 @@ function Choices({ table, reading }: ChoicesProps) {
         </div>
       )}
       {!isCounted && table.units.length > 0 && <Units table={table} reading={reading} />}
+      {!isCounted && table.packet_stamp !== "" && (
+        <div>
+          <span class="label">{TEXT.packetStamp}</span>
+          <Segmented
+            label={TEXT.packetStamp}
+            value={table.packet_stamp}
+            options={(["first", "last"] as const).map((stamp) => [stamp, TEXT.packetStamps[stamp]])}
+            onChoose={(stamp) => set({ packet_stamp: stamp })}
+          />
+        </div>
+      )}
       {asksOrder && (
         <div>
           <span class="label">{TEXT.dateOrder}</span>
