@@ -3,7 +3,7 @@
 It is below a second for a streaming device, so that the page shows it within a second, including tick and flush. A slow
 device has three of its usual intervals, or a few seconds while its interval is not known. Expected silence (a device
 that is being configured does not measure) is not counted, nor is time in which this process did not run: what came
-meanwhile is not read yet.
+then waits to be read.
 """
 
 from collections.abc import Sequence
