@@ -173,11 +173,14 @@ def _summed(place: NDArray[np.int64], values: NDArray[Any], n: int) -> list[int]
 
 
 def _held(rows: NDArray[Any], name: str, t0: int, n: int) -> Floats:
-    """The last value known in each second."""
+    """The last value of each second or before; an infinite one says that none is known since."""
     known = rows[~np.isnan(rows[name])]
     known = known[np.argsort(known["second"], kind="stable")]
     at = np.searchsorted(known["second"], np.arange(t0, t0 + n), "right") - 1
-    return np.where(at >= 0, known[name][np.maximum(at, 0)], np.nan) if len(known) else np.full(n, np.nan)
+    if not len(known):
+        return np.full(n, np.nan)
+    values = known[name][np.maximum(at, 0)]
+    return np.where((at >= 0) & np.isfinite(values), values, np.nan)
 
 
 def _plain(values: Floats) -> list[float | None]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from imuscope.recordings.tables.clock import OpenQuestion
+from imuscope.recordings.tables.options import PacketStamp
 
 Role = Literal["time", "clock", "arrival", "value", "left out"]
 
@@ -57,6 +58,7 @@ class TablePreview:
         rows: the first rows: numbers as they are read, cells of clocks and times as in the file.
         about: open question: "time", "unit", "order", "rate"; "" if the table can be read.
         problem, hint: the refusal in words; "" if it can be read.
+        packet_stamp: sample of a packet that has its time; "" if rows have their own.
     """
 
     separator: str
@@ -78,6 +80,7 @@ class TablePreview:
     problem: str = ""
     hint: str = ""
     heading: list[str] = field(default_factory=list)
+    packet_stamp: PacketStamp = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,8 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.library.previewed_table import PreviewColumn, Role, TablePreview, TableQuestion, UnitChoice
@@ -118,6 +120,7 @@ def _preview(table: CsvSource, question: AmbiguousTableError | None, options: Ta
         question.message if question is not None else "",
         question.hint if question is not None else "",
         list(table.form.headings),
+        axis.packets.stamp if axis is not None and axis.packets is not None else "",
     )
 
 
@@ -153,7 +156,9 @@ def _units(table: CsvSource, clock: TableClock | None, options: TableOptions) ->
 def _times(table: CsvSource) -> list[float | None]:
     assert table.axis is not None
     values = sample_times(table.axis.clock, table.form.sample[:FIRST_ROWS], table.form.decimal)
-    return [float(one) + table.axis.origin if math.isfinite(one) else None for one in values]
+    known = np.isfinite(values)
+    values[known] = table.axis.times(values[known], 0)
+    return [float(one) if math.isfinite(one) else None for one in values]
 
 
 def _rows(table: CsvSource, clock: TableClock | None, others: list[TableClock]) -> list[list[str | float | None]]:

@@ -10,6 +10,7 @@ from imuscope.recordings.tables.time_units import UnitReading
 Kind = Literal["number", "text", "date+time", "parts", "week", "utc", "counter", "rows"]
 Epoch = Literal["1970", "GPS", "week", "day", "start"]
 Sure = Literal["stated", "known", "inferred", "assumed"]
+FEWEST_ROWS, MOST_TIMES = 20, 2  # rows, with no more different times than that: the clock stood, or lost its digits
 OpenQuestion = Literal["time", "unit", "order", "rate"]
 """What a file leaves open: its column of times, their unit, day or month first, or a rate that fits."""
 
@@ -65,3 +66,11 @@ class AmbiguousTableError(RecordingError):
     def __init__(self, message: str, hint: str, about: OpenQuestion, clock: TableClock | None = None) -> None:
         super().__init__(message, hint)
         self.about, self.clock = about, clock
+
+
+def few_times(file: str, name: str, times: int, rows: int, written: str = "") -> AmbiguousTableError:
+    """Refusal of a table, many rows of which have one or two times."""
+    what = "all have the same time" if times == 1 else f"have {times} different times"
+    hint = "Write its times with more digits, name another column with --time-column, or count the rows with "
+    words = f"{file}: {rows} rows {what} in {name}{written}."
+    return AmbiguousTableError(words, f"{hint}--time-column none --rate HZ.", "time")

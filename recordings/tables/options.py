@@ -4,6 +4,7 @@
     a decode option for "unit"   of its numbers: s, ms, us, ns (protocols/family/decode_options.py, `table_role`)
     --date-order dmy             whether 01/02/2026 is in January (mdy) or in February (dmy)
     --rate 100                   samples per second, where no column has times, or to determine their unit
+    --packet-stamp last          which sample of a packet has its time, where several rows share one (first or last)
     --columns FILE               names and units, a line a column: HEADING or NUMBER = NAME (UNIT)
 
 In that file, a line with nothing behind "=" leaves its column out, and "* =" all that no other line names.
@@ -26,6 +27,8 @@ from imuscope.recordings.tables.dates import Order
 
 AxisClock = Literal["", "device", "arrival"]
 """The clock of devices that is the axis: "device", that of the device where it has one; "": the usual, the same."""
+PacketStamp = Literal["", "first", "last"]
+"""Which sample of a packet has its time; "": as the table suggests."""
 NO_COLUMN = "none"
 OTHERS = "*"  # columns that no line names
 UNITS = ("s", "ms", "us", "µs", "ns")
@@ -48,6 +51,7 @@ class TableOptions:
     date_order: Order | None = None
     rate: float = 0.0
     columns: Mapping[str, str] = field(default_factory=dict, hash=False)
+    packet_stamp: PacketStamp = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +89,7 @@ def reading_from(body: Any) -> FileReading | None:
         one_of("date_order", get_args(Order)) or None,
         float(rate) if is_rate and rate is not None else 0.0,
         {key: name for key, name in names if isinstance(key, str) and isinstance(name, str)},
+        one_of("packet_stamp", get_args(PacketStamp)),
     )
     return FileReading(table, one_of("clock", get_args(AxisClock)))
 
@@ -101,6 +106,7 @@ def over(options: TableOptions, stored: TableOptions) -> TableOptions:
         options.date_order or stored.date_order,
         options.rate if has_unit else stored.rate,
         columns,
+        options.packet_stamp or stored.packet_stamp,
     )
 
 

@@ -48,6 +48,7 @@ LONGEST_RUN = 400 * 86400.0  # s, of a device without a restart: a year and a mo
 LONG_RUN, FASTEST_LONG = 86400.0, 11_000.0  # s; 8 kHz of flight controllers, steps a fifth shorter and rounded
 FASTEST_WEEKS = 2_500.0  # 2 kHz, steps a fifth shorter: of an inertial sensor that has run for as long as a recent date
 MIN_MEDIAN_STEPS = 8  # steps, of which one when a clock is set moves the median
+EVEN_STEPS = 1e-4  # of a step: a mean that differs by less is the median
 GAP_STEPS = 3.0  # times the median step: longer ones are gaps
 UNSORTED_SHARE = 0.1  # of the steps go back: more than by resets and wraps
 RATE_TOLERANCE = 0.2  # of a rate that is known: a head may round it, and samples may be missing
@@ -112,6 +113,22 @@ def mean_step(times: Floats) -> float:
     """Mean of the steps that are not gaps, which rounding does not change; 0 if none advances."""
     steps = _advances(times)
     return float(steps[steps <= GAP_STEPS * usual_step(times)].mean()) if len(steps) else 0.0
+
+
+def row_step(times: Floats) -> float:
+    """Time from row to row outside of gaps, s: where steps vary, or several rows have one time, by their number; 0 if
+    none advances.
+    """
+    steps, usual = np.diff(in_order(times)), usual_step(times)
+    near = steps[np.abs(steps - usual) <= usual / 2]
+    if 2 * len(near) > len(steps):
+        return usual if abs(near.mean() - usual) < EVEN_STEPS * usual else float(near.mean())
+    if not usual:
+        return 0.0
+    rising = np.flatnonzero(steps > 0)
+    lengths, sizes = steps[rising[1:]], np.diff(rising)  # of packets; those at the ends may lack samples
+    inside = lengths <= GAP_STEPS * float(np.quantile(steps[rising], 0.9))
+    return float(lengths[inside].sum() / sizes[inside].sum()) if inside.any() else float(steps[steps >= 0].mean())
 
 
 def possible_units(

@@ -91,7 +91,7 @@ def _table_options(options: argparse.Namespace, texts: Mapping[str, str]) -> Tab
     except ValueError as error:
         raise UsageError(str(error)) from None
     unit = next((text for name, text in texts.items() if declared_options()[name].table_role == "unit"), "")
-    return TableOptions(options.time_column, unit, options.date_order, options.rate, columns)
+    return TableOptions(options.time_column, unit, options.date_order, options.rate, columns, options.packet_stamp)
 
 
 def checked_protocol(options: DecodeOptions) -> DecodeOptions:

@@ -44,6 +44,12 @@ def add_table(command: argparse.ArgumentParser) -> None:
         "--rate", type=_rate, default=0.0, metavar="HZ", help="samples per second, if no column has times or no unit"
     )
     group.add_argument(
+        "--packet-stamp",
+        choices=("first", "last"),
+        default="",
+        help="which sample of a packet has its time, where several rows share one",
+    )
+    group.add_argument(
         "--columns",
         type=Path,
         metavar="FILE",

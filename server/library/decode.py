@@ -18,12 +18,14 @@ complete store (`ProgressPublisher`).
 Memory is bounded by one part and the blocks waiting to be written.
 """
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imuscope.protocols.events import Doubts, Remarks
 from imuscope.protocols.messages.decoder import MessageDecoder
@@ -63,6 +65,7 @@ from imuscope.server.wire import codec as wire_codec
 
 DRAIN_BYTES = 1 << 20  # decoded at once; the decoders are benchmarked with this size
 DRAIN_NS = 5_000_000_000  # maximum recorded time decoded at once; the clock state is stored at this interval
+COUNTED_NS = 100_000_000
 DERIVED_EVENTS = ("gap", "reject", "clock", "reply", "text")
 GUESS_BYTES = 1 << 16
 REMARK = "remark"  # reason of an event that the decoder has on its stream as a whole
@@ -115,7 +118,7 @@ class _Device:
         self._link = info.link
         self._timed = source.timed
         self._by_gnss = lambda: getattr(source, "by_gnss", False)
-        self._baud = info.baud
+        self._capacity = info.baud / 10 if info.baud else None
         self._reader: LinkDecoder | None = None
         self._decoder: object = None
         self._waiting: list[ChunkBlock] = []
@@ -147,14 +150,8 @@ class _Device:
             self.devices.own.events.report("device", "warning", doubt_text(probe.doubted, doubt), data=data)
 
     def _begin(self) -> None:
-        byte_time_ns, capacity = (10e9 / self._baud, self._baud / 10) if self._baud else (0, None)
-        line = LinkTiming(
-            byte_time_ns,
-            self._link,
-            capacity,
-            timed=self._timed,
-            by_gnss=self._by_gnss,
-        )
+        byte_time_ns = 1e9 / self._capacity if self._capacity else 0
+        line = LinkTiming(byte_time_ns, self._link, self._capacity, timed=self._timed, by_gnss=self._by_gnss)
         self._settle_doubts()
         decoder = self._decoder = self._protocols.decoder(self.protocol, self._reading, self._link)
         about = self._protocols.about(self.protocol)
@@ -193,31 +190,41 @@ class _Device:
             end = int(part.ends[past - 1])
             reader.feed_chunks(part.data[start:end], part.ends[first:past] - start, part.times[first:past])
             self._fed += end - start
-            self._sink.time = float(part.times[past - 1]) / 1e9
             last = int(part.times[past - 1])
+            self._sink.time = last / 1e9
+            self._count(part.ends[first:past] - start, part.times[first:past])
             if self._fed >= DRAIN_BYTES or last - self._drained >= DRAIN_NS or past < len(part.ends):
                 self._drained = last
                 self._drain(reader)
             first = past
-        self.devices.own.stats.count_chunks([len(part.data)], [self._sink.time])
         self._sink.health_history.add(self.state.info.id, part.ends, part.times)
+
+    def _count(self, ends: NDArray[np.int64], times: NDArray[np.int64]) -> None:
+        """Count bytes, summed over intervals far shorter than the window of their rate."""
+        last = np.append(np.flatnonzero(np.diff(times // COUNTED_NS)), len(times) - 1)
+        self.devices.own.stats.count_chunks(np.diff(ends[last], prepend=0).tolist(), (times[last] / 1e9).tolist())
 
     def _drain(self, reader: LinkDecoder) -> None:
         self._fed = 0
         reader.drain()
-        self._store_clocks()
         if self._sink.time >= self._next_tick:
             self._next_tick = self._sink.time + 1.0
+            self._store_clocks()
             for sender in self.devices.all:
                 sender.events.tick(self._sink.time)
 
     def _store_clocks(self) -> None:
-        for sender in self.devices.all:
-            clock = sender.ingest.clock if sender.ingest is not None else None
-            if clock is not None and clock.uncertainty_ns < float("inf"):
-                device = sender.state.info.id
-                drift = clock.drift_ppm if clock.knows_drift else float("nan")
-                self._sink.health_history.clock(device, self._sink.time, drift, clock.uncertainty_ns / 1e6)
+        """Store what the page shows live: ± of a line that is full is infinite, which ends the figures before it."""
+        for one in self.devices.health_of_all(self._sink.time, self._capacity):
+            drift, uncertainty = one.drift_ppm, one.uncertainty_ms
+            if uncertainty is not None or one.time_presumes:
+                none = math.inf if uncertainty is None else math.nan
+                self._sink.health_history.clock(
+                    one.device,
+                    self._sink.time,
+                    none if drift is None else drift,
+                    none if uncertainty is None else uncertainty,
+                )
 
     @property
     def axes(self) -> Mapping[str, str]:

@@ -117,7 +117,7 @@ ARROWS: Mapping[str, str] = {
         requests <- ui/controls
         signals <- data
         forms <- requests
-        measure <- data requests
+        measure <- data
         page <- extension signals forms measure
         panels <- page
         plots <- charts page

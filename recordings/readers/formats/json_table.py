@@ -172,7 +172,7 @@ def _of_lines(path: Path, damage: list[FileDamage]) -> Iterator[tuple[Table, Sam
             value = _loads(line) if line.strip() else {}
             bad += value is None
             if isinstance(value, dict) and value:
-                yield (_name(value, path.stem), {}), _flat(value)
+                yield from (((_name(value, path.stem), {}), _flat(one)) for one in _of_batch(value))
             elif isinstance(value, list):
                 yield from [((path.stem, {}), _row(value, ()))] if _is_plain(value) else _samples(value, path.stem, {})
     if bad:
@@ -222,14 +222,24 @@ def _holds_samples(value: Mapping[str, Any]) -> bool:
 
 
 def _of_batch(sample: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """The samples of an object with lists of objects, all of one length: with one time, as it is in the file."""
-    lists = {key: one for key, one in sample.items() if isinstance(one, list) and one and not _is_plain(one)}
-    sizes = {len(one) for one in lists.values()}
-    if len(sizes) != 1:
-        yield sample
-        return
-    for cells in zip(*lists.values(), strict=True):
-        yield {**sample, **dict(zip(lists, cells, strict=True))}
+    """The samples of a packet: an object with lists of objects, all of one length, also in an object of it."""
+    sizes = {*_packet_sizes(sample)}
+    yield from [sample] if len(sizes) != 1 else (_member(sample, place) for place in range(sizes.pop()))
+
+
+def _packet_sizes(value: Any) -> Iterator[int]:
+    if isinstance(value, dict):
+        for one in value.values():
+            yield from _packet_sizes(one)
+    elif isinstance(value, list) and value and not _is_plain(value):
+        yield len(value)
+
+
+def _member(value: Any, place: int) -> Any:
+    """A packet with one sample of its lists."""
+    if isinstance(value, dict):
+        return {key: _member(one, place) for key, one in value.items()}
+    return value[place] if isinstance(value, list) and value and not _is_plain(value) else value
 
 
 def _is_plain(values: Sequence[Any]) -> bool:

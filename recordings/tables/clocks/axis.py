@@ -14,10 +14,18 @@ from imuscope.protocols.arrays import Floats
 from imuscope.protocols.registry.families import unit_flag
 from imuscope.protocols.schema.plural import counted
 from imuscope.recordings.tables.clock import TableClock
+from imuscope.recordings.tables.clocks.packets import PacketSpread
 from imuscope.recordings.tables.clocks.steps import ClockWatch, repeats_words, shifted
 from imuscope.recordings.tables.dates import DAY_S, dated_name
 from imuscope.recordings.tables.format import TableFormat
-from imuscope.recordings.tables.time_units import RATE_TOLERANCE, UNSORTED_SHARE, in_order, rate_text, usual_step
+from imuscope.recordings.tables.time_units import (
+    RATE_TOLERANCE,
+    UNSORTED_SHARE,
+    in_order,
+    rate_text,
+    row_step,
+    usual_step,
+)
 
 MIN_STEP_AHEAD_S, STEP_AHEAD_SPREAD = 5.0, 3.0
 HOUR = 3600.0
@@ -54,6 +62,7 @@ class TimeAxis:
         decimal: sign of its numbers.
         options: name of a clock → option that makes it the axis.
         order: of the rows in the file: "" ascending, else the words on it; they are read by their times.
+        packets: the times of rows that share one; None if they have their own.
     """
 
     clock: TableClock
@@ -66,16 +75,18 @@ class TimeAxis:
     options: Mapping[str, str] = field(default_factory=dict)
     watch: ClockWatch | None = None
     order: str = ""
+    packets: PacketSpread | None = None
 
     @property
     def keeps_clock(self) -> bool:
         """Whether the axis differs from the clock, so that the clock is a column of its own."""
-        return self.watch is not None and len(self.watch.shifts) > 1
+        return self.packets is not None or (self.watch is not None and len(self.watch.shifts) > 1)
 
     def times(self, clock: Floats, first_row: int) -> Floats:
         """Unix s of rows from `first_row` on, all known."""
         shifts = self.watch.shifts if self.watch is not None else ()
-        return (shifted(clock, first_row, shifts) if shifts else clock) + self.origin
+        own = clock if self.packets is None else self.packets.times(first_row, len(clock))
+        return (shifted(own, first_row, shifts) if shifts else own) + self.origin
 
     def at(self, row: int, clock: float) -> float:
         """Unix s of a row with that clock."""
@@ -112,7 +123,8 @@ class TimeAxis:
         if self.order:
             texts.append(f"The rows {self.order}; they are read in the order of their times.")
         if self.watch is not None:
-            texts += filter(None, [repeats_words(self.watch, self.name)])
+            repeats = repeats_words(self.watch, self.name) if self.packets is None else self.packets.words(self.name)
+            texts += filter(None, [repeats])
             if self.watch.out_of_order:
                 rows = counted(self.watch.out_of_order, "row is", "rows are")
                 texts.append(f"{self.name}: {rows} out of order, with the time as it is in the file.")
@@ -131,6 +143,7 @@ class TimeAxis:
             "dated_by": self.dated_by,
             "rate": 1 / self.usual_s if self.usual_s else None,
             "others": self.clocks[1:],
+            "units": {one.name: one.unit or "s" for one in self.others if not one.is_open},
             "options": dict(self.options),
             "repeats": watch.repeats if watch is not None else 0,
             "out_of_order": watch.out_of_order if watch is not None else 0,
@@ -153,12 +166,12 @@ def order_words(times: Floats) -> str:
 
 
 def step_limits(times: Floats) -> tuple[float, float]:
-    """Usual step of the sample, and the length from which a step is one ahead, s."""
+    """Step from row to row of the sample, and the length from which a step is one ahead, s."""
     forward = np.diff(in_order(times))
     forward = forward[forward > 0]
     most = float(np.quantile(forward, NEARLY_ALL)) if len(forward) else 0.0
-    usual = usual_step(times)
-    return usual, max(MIN_STEP_AHEAD_S * usual, STEP_AHEAD_SPREAD * most) or np.inf
+    ahead = max(MIN_STEP_AHEAD_S * usual_step(times), STEP_AHEAD_SPREAD * most) or np.inf
+    return row_step(times), ahead
 
 
 def origin_of(clock: TableClock, first: float, form: TableFormat, path: Path) -> tuple[float, str]:

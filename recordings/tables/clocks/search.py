@@ -13,7 +13,8 @@
     --rate alone                            rows
 
 The first row of this list that fits is the axis; within a row, the first column. A unit that is inferred is
-reported with the reason; one that remains open is settled by another clock, or is an error that names the options.
+reported with the reason; one that remains open is settled by another clock, or is an error that names the options. A
+clock that is far finer and more even than the first one becomes the axis instead (evenness.py).
 Times in whole seconds may have their parts of a second in a column of their own (time, and ms from 0 to 999).
 """
 
@@ -27,7 +28,7 @@ import numpy as np
 from imuscope.protocols.registry.families import unit_flag
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.tables.cells import are_hexadecimal, sample_times
-from imuscope.recordings.tables.clock import AmbiguousTableError, TableClock
+from imuscope.recordings.tables.clock import FEWEST_ROWS, MOST_TIMES, AmbiguousTableError, TableClock, few_times
 from imuscope.recordings.tables.clocks import names
 from imuscope.recordings.tables.clocks.dates import (
     date_clocks,
@@ -38,6 +39,7 @@ from imuscope.recordings.tables.clocks.dates import (
     unnamed_stamps,
     week_clocks,
 )
+from imuscope.recordings.tables.clocks.evenness import evenest
 from imuscope.recordings.tables.clocks.numbers import (
     counter_clocks,
     fine_clock,
@@ -74,6 +76,7 @@ def axis_of_table(sample: TableSample) -> tuple[TableClock, list[TableClock]]:
             hint = f"It has no heading either: {_hint_without_heading(sample)}"
         raise AmbiguousTableError(f"{sample.file} has no column of times.", hint, "time")
     axis, *others = clocks
+    _check_digits(sample, axis)
     if axis.is_open:
         axis = _by_another(sample, axis, others) or axis
     if axis.is_open and not sample.options.time_column:
@@ -84,9 +87,27 @@ def axis_of_table(sample: TableSample) -> tuple[TableClock, list[TableClock]]:
         width = () if sample.form.headings else range(len(sample.headings))
         also = [str(one + 1) for one in width if one not in axis.columns and _runs_evenly(sample, one)]
         raise _open_unit(sample.file, axis, f"column {', '.join(also[:MOST_NAMED])}" if also else "")
+    if not sample.options.time_column:
+        axis, others = evenest(sample, axis, others)
     if sample.options.rate and axis.kind in ("number", "parts"):
         _check_rate(sample, axis)
     return axis, others
+
+
+def _check_digits(sample: TableSample, axis: TableClock) -> None:
+    """Refuse numbers that have lost their digits: no unit of them is right.
+
+    Raises:
+        AmbiguousTableError: many rows have one or two times, in no known unit or with an exponent.
+    """
+    cells = sample.cells(axis.columns[0]) if axis.kind == "number" else []
+    times = {*cells}
+    mantissas = [cell.lower().partition("e") for cell in times]
+    digits = max((sum(map(str.isdigit, one)) for one, mark, _ in mantissas if mark), default=0)
+    if len(cells) < FEWEST_ROWS or len(times) > MOST_TIMES or not (axis.is_open or digits):
+        return
+    written = f", written with {digits} digits" if digits else ""
+    raise few_times(sample.file, axis.name, len(times), len(cells), written)
 
 
 def _hint_without_heading(sample: TableSample) -> str:

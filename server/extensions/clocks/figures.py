@@ -134,8 +134,10 @@ def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str,
     else:
         yield from _of_device(store, time, arrival, own)
     error = 0.0 if table else _axis_error_ppm(store, device, axis)
+    units = table.get("units", {})
     for name, values in own.items():
-        factor, unit = _unit_of(values, axis)
+        factor = {**UNITS, **FINE}.get(units.get(name, ""), 0.0)
+        factor, unit = (factor, units[name]) if factor else _unit_of(values, axis)
         if unit:
             clock = _figures(name, values * factor, axis, factor=factor)
             clock.unit, clock.use = unit, uses.get(name, "")

@@ -44,6 +44,7 @@ class FileReadingBody(BaseModel, extra="forbid"):
     unit: Literal["", "s", "ms", "us", "ns"] = Field("", description="of the times")
     date_order: Literal["", "dmy", "mdy"] = Field("", description="of dates like 01/02/2026")
     rate: float = Field(0.0, ge=0, le=FASTEST_HZ, description="samples per second; 0 if it is not needed")
+    packet_stamp: Literal["", "first", "last"] = Field("", description="sample of a packet that has its time")
     columns: dict[Heading, Heading] = Field(
         default_factory=dict,
         max_length=MOST_COLUMNS,
@@ -54,7 +55,8 @@ class FileReadingBody(BaseModel, extra="forbid"):
     def reading(self) -> FileReading:
         """The choices."""
         rate = self.rate if self.rate >= SLOWEST_HZ else 0.0
-        table = TableOptions(self.time_column.strip(), self.unit, self.date_order or None, rate, self.columns)
+        order, stamp = self.date_order or None, self.packet_stamp
+        table = TableOptions(self.time_column.strip(), self.unit, order, rate, self.columns, stamp)
         return FileReading(table, self.clock)
 
 
@@ -82,6 +84,7 @@ def body_of(reading: FileReading | None) -> FileReadingBody:
     table, clock = (reading.table, reading.clock) if reading is not None else (TableOptions(), "")
     unit = "us" if table.unit == "µs" else table.unit
     values = {"time_column": table.time_column, "unit": unit, "date_order": table.date_order or "", "rate": table.rate}
+    values |= {"packet_stamp": table.packet_stamp}
     return FileReadingBody.model_validate({**values, "columns": dict(table.columns), "clock": clock})
 
 

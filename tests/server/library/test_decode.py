@@ -19,6 +19,7 @@ from imuscope.server.library.decode import decode
 from imuscope.server.streaming.channels import ChannelRegistry
 from imuscope.server.wire import ChannelInfo
 from tests.recordings.recorded_drive import START, drive
+from tests.support.truth_frames import even_ticks, xbus
 
 
 def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
@@ -223,3 +224,18 @@ def test_health_is_recorded_for_every_second(tmp_path: Path) -> None:
     assert tail.before == sum(report.bytes[:3])
     assert tail.counted[message] == sum(counts[:3])
     assert health_history(store.folder, {}, "1", "1", second, second).bytes == [0]  # a table has no such file
+
+
+@pytest.mark.parametrize(("baud", "known"), [(921_600, True), (57_600, False)])
+def test_times_of_a_full_line_have_no_uncertainty_in_a_recording_either(tmp_path: Path, baud: int, known: bool) -> None:
+    path, rate = tmp_path / "a.mcap", 180.0  # 32 B each: as many as 57 600 Bd carries
+    writer = McapWriter(path, {})
+    writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "protocol": "xbus", "baud": baud})
+    for number, tick in enumerate(even_ticks(4800, rate)):
+        writer.chunk("1", "rx", xbus(number, int(tick)), START + round(number / rate * 1e9))
+    writer.close()
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.all_protocols())
+    second = START // 1_000_000_000
+    report = health_history(store.folder, store.manifest["health"], "1", "1", second, second + int(4800 / rate))
+    assert (report.uncertainty_ms[-1] is not None) == known
+    assert (report.drift_ppm[-1] is not None) == known

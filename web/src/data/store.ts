@@ -173,12 +173,14 @@ export class Store {
 
   /**
    * Right edge of a device's live data, unix s: now; or its last sample, if it is a file that has ended at any time,
-   * or if what is shown is behind.
+   * if what is shown is behind, or if the server is gone: figures of a window are held, as its samples are.
    */
   edgeOf(device: string | undefined): number {
     const now = this.serverNow();
     const status = this.devices.peek().find(({ id }) => id === device)?.status;
+    const isCut = this.connection.peek() !== "open" || this.silentSince.peek() !== undefined;
     if (
+      !isCut &&
       status !== "ended" &&
       !(status === "live" && this.#delays.behind(device!, this.health.peek().get(device!), now).total > 0)
     )

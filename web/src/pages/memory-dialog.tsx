@@ -10,7 +10,7 @@ import { Dialog } from "../ui/controls/dialog";
 import { clock } from "../ui/format/format";
 import type { HttpProblem } from "../requests/http";
 import { ProblemNote } from "../requests/problem-note";
-import { usePolled } from "../requests/use-polled";
+import { useAnswer } from "../requests/use-answer";
 import type { App } from "../page/context";
 import { showSaved } from "./record-button";
 import { exportingOf } from "../recordings/exporting";
@@ -35,7 +35,7 @@ interface Props {
 }
 
 export function MemoryDialog({ app, onClose }: Props) {
-  const { state: held, problem: unread } = usePolled("", undefined, () => recordingsApi.memory());
+  const { answer: held, problem: unread } = useAnswer("memory", () => recordingsApi.memory());
   const part = useSignal<Part>("view");
   const busy = useSignal(false);
   const problem = useSignal<HttpProblem | undefined>(undefined);
@@ -43,7 +43,7 @@ export function MemoryDialog({ app, onClose }: Props) {
   // the view goes on while the dialog is open: what was in view when it was opened is meant
   const t1 = useSignal(actions.rightEdge()).value;
   const t0 = useSignal(t1 - view.peek().span).value;
-  const shown = problem.value ?? unread.value;
+  const shown = problem.value ?? unread;
   const range = {
     view: { t0: t0 - MARGIN_S, t1: t1 + MARGIN_S },
     minute: { t0: t1 - LAST_S, t1: null },
@@ -86,7 +86,7 @@ export function MemoryDialog({ app, onClose }: Props) {
     };
     onClose();
   };
-  const links = held.value ?? [];
+  const links = held ?? [];
   const begins = Math.min(...links.map((one) => one.t0));
   const gone = links.length > 0 && part.value === "view" && links.every((one) => one.t0 > t1 || one.t1 < t0);
   const late = !gone && part.value === "view" && links.length > 0 && begins > t0 + MARGIN_S;
@@ -104,10 +104,10 @@ export function MemoryDialog({ app, onClose }: Props) {
           ]}
           onChoose={(one) => (part.value = one)}
         />
-        {held.value && links.length === 0 && <p role="status">{TEXT.memoryEmpty}</p>}
+        {held && links.length === 0 && <p role="status">{TEXT.memoryEmpty}</p>}
         {gone && <p role="status">{TEXT.memoryGone}</p>}
         {late && <p role="status">{TEXT.memoryBeginsLater(clock(begins))}</p>}
-        <ul class="dim" aria-busy={held.value === undefined}>
+        <ul class="dim" aria-busy={held === undefined}>
           {links.map((one) => {
             const size = bytes(one.size);
             const name = app.store.devices.value.find(({ id }) => id === one.device)?.name ?? one.device;

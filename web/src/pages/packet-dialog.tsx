@@ -7,10 +7,10 @@ import { Button } from "../ui/controls/button";
 import { copyText } from "../ui/dom/copy";
 import { Dialog } from "../ui/controls/dialog";
 import { clock, number } from "../ui/format/format";
-import type { HttpProblem } from "../requests/http";
 import { IconButton } from "../ui/controls/icon-button";
 import { ProblemNote } from "../requests/problem-note";
-import type { PacketInfo, PacketView } from "../wire/routes";
+import { useAnswer } from "../requests/use-answer";
+import type { PacketInfo } from "../wire/routes";
 import { fetchFrames, type FramesAsk, packetTitle } from "./packet-frames";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/packets";
@@ -45,29 +45,20 @@ export function PacketDialog({ at, name, onClose }: Props) {
     ...(rank === undefined ? {} : { rank }),
     ...(kind ? { kind } : {}),
   });
-  const view = useSignal<PacketView | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
   const place = useSignal(0);
   /** Device time of the sample less its arrival, s: a frame nearby is shown in the plot with the same. */
   const ahead = useSignal(0);
   const asked = ask.value;
-  // biome-ignore lint/correctness/useExhaustiveDependencies: signals and the place of the sample stay the same
-  useEffect(() => {
-    let over = false;
-    void fetchFrames(at, { ...asked, beside: FRAMES_BESIDE }).then((outcome) => {
-      if (over) return;
-      problem.value = outcome.ok ? undefined : outcome.problem;
-      if (!outcome.ok) return;
-      view.value = outcome.value;
-      place.value = outcome.value.at;
-      const first = outcome.value.packets[outcome.value.at];
-      if (first && outcome.value.time !== null && base === "device") ahead.value = outcome.value.time - first.arrival;
-    });
-    return () => {
-      over = true;
-    };
-  }, [asked]);
-  const packets = view.value?.packets ?? [];
+  const found = useAnswer(JSON.stringify(asked), async (over) => {
+    const outcome = await fetchFrames(at, { ...asked, beside: FRAMES_BESIDE });
+    if (over.aborted || !outcome.ok) return outcome;
+    place.value = outcome.value.at;
+    const first = outcome.value.packets[outcome.value.at];
+    if (first && outcome.value.time !== null && base === "device") ahead.value = outcome.value.time - first.arrival;
+    return outcome;
+  });
+  const view = found.answer;
+  const packets = view?.packets ?? [];
   const packet = packets[place.value];
   const select = (n: number): void => {
     const next = packets[n];
@@ -105,13 +96,13 @@ export function PacketDialog({ at, name, onClose }: Props) {
           ))}
         </ol>
         <div class="packet-frame flex-column">
-          {problem.value && <ProblemNote problem={problem.value} />}
-          {!packet && !problem.value && <p role="status">{TEXT.loading}</p>}
+          {found.problem && <ProblemNote problem={found.problem} />}
+          {!packet && !found.problem && <p role="status">{TEXT.loading}</p>}
           {packet && (
             <Frame
               packet={packet}
-              time={asked.channel !== undefined && place.value === view.value?.at ? (view.value?.time ?? null) : null}
-              sample={asked.channel !== undefined && place.value === view.value?.at ? at.sample : undefined}
+              time={asked.channel !== undefined && place.value === view?.at ? view.time : null}
+              sample={asked.channel !== undefined && place.value === view?.at ? at.sample : undefined}
               step={(by) => select(place.value + by)}
               show={() => {
                 at.pin(packet.arrival + ahead.value);

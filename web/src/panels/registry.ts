@@ -53,6 +53,8 @@ export function registerPanel(definition: PanelDefinition): void {
   added.value = panels.size;
 }
 
+export const allPanels = (): readonly PanelDefinition[] => [...panels.values(), ...fromExtensions("panels")];
+
 /** The panels that a workspace arranges, in their default order. Reads signals: call it while a component is rendered. */
 export function arrangedPanels(deps: Deps): readonly PanelDefinition[] {
   return (["main", "side", "below"] as const).flatMap((where) => panelsAt(where, deps));
@@ -66,7 +68,7 @@ export function panelsAt(where: PanelPlace, deps: Deps): readonly PanelDefinitio
   const first = protocolAmong(deps.store.devices.value, deps.viewState.device.value)?.panels ?? [];
   const rank = ({ id }: PanelDefinition): number => (first.includes(id) ? first.indexOf(id) : first.length);
   void added.value;
-  return [...panels.values(), ...fromExtensions("panels")]
+  return allPanels()
     .filter((panel) => panel.where === where && (panel.applies?.(deps) ?? true))
     .sort((a, b) => rank(a) - rank(b) || a.order - b.order);
 }

@@ -48,7 +48,8 @@ def test_parts_of_a_second_in_a_column_of_their_own_complete_the_time(
 def test_milliseconds_of_something_else_stay_a_column(tmp_path: Path) -> None:
     _, rows = read(tmp_path / "a.csv", table("time,latency_ms", "f'2017-07-14 02:40:{n // 100:02},{n * 37 % 90}'"))
     assert "latency_ms" in rows.columns
-    np.testing.assert_array_equal(np.unique(rows.time), EPOCH + np.arange(3))
+    np.testing.assert_array_equal(np.unique(rows.columns["time"][0]), EPOCH + np.arange(3))
+    np.testing.assert_allclose(rows.time, EPOCH + STEPS, rtol=0, atol=2e-6)
 
 
 @each_row(
@@ -88,18 +89,18 @@ def test_differences_of_times_are_read(heading: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(rows.time - rows.time[0], days, rtol=0, atol=2e-6)
 
 
-def test_times_that_are_coarser_than_the_samples_name_the_way_out(tmp_path: Path) -> None:
+def test_times_that_are_coarser_than_the_samples_are_spread_over_them(tmp_path: Path) -> None:
     source, _ = read(tmp_path / "a.csv", table("time", "f'2017-07-14 02:40:{n // 100:02}'"))
     assert source.axis is not None
     assert source.axis.sentences()[-1] == (
-        "time: 297 rows repeat the time of the row before: it is coarser than the samples. Where their rate is known, "
-        "--time-column none --rate counts them."
+        "100 rows share each time of time: they are spread over the packet, whose first sample has it (it counts steps "
+        "of 1 s; to change it: --packet-stamp last)."
     )
 
 
-def test_dates_of_too_few_digits_are_requested(tmp_path: Path) -> None:
+def test_dates_of_too_few_digits_are_refused(tmp_path: Path) -> None:
     """Dates in steps of 128 s, as a float32 has them, were milliseconds since a start."""
-    with pytest.raises(RecordingError, match=r"can be s .* or ms"):
+    with pytest.raises(RecordingError, match="300 rows have 2 different times in timestamp"):
         read(tmp_path / "a.csv", table("timestamp", "1500000000 + n // 150 * 128"))
 
 

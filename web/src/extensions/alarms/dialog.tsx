@@ -1,6 +1,6 @@
 /** The form of an alarm: added or changed, with mistakes marked where they are. */
 import { batch, type Signal, useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useRef } from "preact/hooks";
 import { selected } from "../../panels/panel-context";
 import type { Deps, App } from "../../page/context";
 import { Button } from "../../ui/controls/button";
@@ -8,9 +8,10 @@ import { OptionList, Segmented } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
 import { type HttpProblem, request } from "../../requests/http";
 import { ProblemNote } from "../../requests/problem-note";
+import { useAnswer } from "../../requests/use-answer";
 import { fullName } from "../../wire/device-name";
 import { protocolOf } from "../../wire/capabilities";
-import type { AlarmCheck, AlarmDefinition, DeviceFilter } from "../../wire/routes";
+import type { AlarmCheck, DeviceFilter } from "../../wire/routes";
 import type { ChannelInfo, DeviceInfo } from "../../wire/types";
 import { ANY, definitionOf, fieldsOf, lastingName, alarmName, type AlarmFields, type HealthFigure } from "./fields";
 import { PreviewNote, type PreviewPlace } from "./preview";
@@ -39,7 +40,6 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   const draft = draftOf(app);
   const device = draft.device ?? (over ? selected(over.deps) : app.device.value);
   const fields = useSignal(fieldsOf(draft, device));
-  const checked = useSignal<{ readonly stamp: string; readonly found: AlarmCheck } | undefined>(undefined);
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const isRemoving = useSignal(false);
   /** The definition that is on its way, as JSON. */
@@ -50,22 +50,13 @@ export function AlarmDialog({ app, onClose, over }: Props) {
   const definition = definitionOf(fields.value, draft.definition);
   const stamp = JSON.stringify(definition);
   const isEmpty = definition.condition.kind === "expression" && definition.condition.expression === "";
-  useEffect(() => {
-    const body = JSON.parse(stamp) as AlarmDefinition;
-    if (body.condition.kind === "expression" && body.condition.expression === "") return undefined;
-    const cancelled = new AbortController();
-    const timer = setTimeout(() => {
-      void request("POST /api/alarms/check", { body, signal: cancelled.signal }).then((outcome) => {
-        if (outcome.ok && !cancelled.signal.aborted) checked.value = { stamp, found: outcome.value };
-      });
-    }, CHECK_AFTER_MS);
-    return () => {
-      clearTimeout(timer);
-      cancelled.abort();
-    };
-  }, [stamp, checked]);
-  // of what is in the form now, not of what was there before
-  const check = checked.value?.stamp === stamp ? checked.value.found : undefined;
+  const checked = useAnswer(
+    isEmpty ? "" : stamp,
+    (signal) => request("POST /api/alarms/check", { body: definition, signal }),
+    { typedMs: CHECK_AFTER_MS },
+  );
+  // of what is in the form now: a mistake is marked at its place in the text
+  const check = checked.isOld ? undefined : checked.answer;
 
   const done = (outcome: { readonly ok: true } | { readonly ok: false; readonly problem: HttpProblem }): void => {
     if (!outcome.ok) {
@@ -187,7 +178,7 @@ export function AlarmDialog({ app, onClose, over }: Props) {
           source={over?.recording ?? device?.id}
           recorded={over && device && { device: device.id, show: over.show }}
         />
-        {problem.value && <ProblemNote problem={problem.value} />}
+        {[checked.problem, problem.value].map((one) => one && <ProblemNote key={one.message} problem={one} />)}
         <div class="control-row">
           <Button changes type="submit" look="main" words={TEXT.save} disabled={isEmpty || check?.valid === false} />
           <Button words={COMMON.cancel} onClick={onClose} />

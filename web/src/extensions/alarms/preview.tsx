@@ -1,9 +1,8 @@
 /** How often an alarm would have been raised by the samples in memory or of an open recording, and when, in the form while it is filled in. */
-import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { Button } from "../../ui/controls/button";
 import { clock, number, span } from "../../ui/format/format";
 import { request } from "../../requests/http";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import type { AlarmDefinition, AlarmPreview as Preview } from "../../wire/routes";
 import { TEXT } from "./texts";
 
@@ -30,26 +29,33 @@ interface Props {
 
 export function PreviewNote({ stamp, source, recorded }: Props) {
   const device = recorded?.device;
-  const found = useSignal<Preview | undefined>(undefined);
-  useEffect(() => {
-    found.value = undefined;
-    if (stamp === undefined || source === undefined) return undefined;
-    const definition = JSON.parse(stamp) as AlarmDefinition;
-    if (definition.condition.kind === "health") return undefined;
-    const cancelled = new AbortController();
-    const body = { definition, source, ...(device === undefined ? { seconds: PREVIEW_S } : { device }) };
-    void request("POST /api/alarms/preview", { body, signal: cancelled.signal }).then((outcome) => {
-      if (!cancelled.signal.aborted) found.value = outcome.ok ? outcome.value : undefined;
-    });
-    return () => cancelled.abort();
-  }, [stamp, source, device, found]);
-  const shown = found.value?.intervals.slice(0, MAX_LISTED) ?? [];
-  const more = (found.value?.times ?? 0) - shown.length;
+  const definition = stamp === undefined ? undefined : (JSON.parse(stamp) as AlarmDefinition);
+  const canAsk = definition !== undefined && source !== undefined && definition.condition.kind !== "health";
+  // a definition that cannot be judged has no result
+  const question = canAsk ? JSON.stringify([stamp, source, device]) : "";
+  const found = useAnswer(question, (signal) =>
+    request("POST /api/alarms/preview", {
+      body: {
+        definition: definition as AlarmDefinition,
+        source: source ?? "",
+        ...(device === undefined ? { seconds: PREVIEW_S } : { device }),
+      },
+      signal,
+    }),
+  );
+  return (
+    <div role="status">
+      <Answered of={found}>{(preview) => <Times preview={preview} recorded={recorded} />}</Answered>
+    </div>
+  );
+}
+
+function Times({ preview, recorded }: { readonly preview: Preview } & Pick<Props, "recorded">) {
+  const shown = preview.intervals.slice(0, MAX_LISTED);
+  const more = preview.times - shown.length;
   return (
     <>
-      <p class="alarm-note mid text-xs" role="status">
-        {found.value && previewWords(found.value, recorded !== undefined)}
-      </p>
+      <p class="alarm-note mid text-xs">{previewWords(preview, recorded !== undefined)}</p>
       {recorded && shown.length > 0 && (
         <ul class="alarm-times flex-wrap text-sm" aria-label={TEXT.raisedAt}>
           {shown.map(({ t0, t1, worst }) => {
@@ -63,10 +69,7 @@ export function PreviewNote({ stamp, source, recorded }: Props) {
                   onClick={() => recorded.show(t0)}
                 />{" "}
                 <span class="dim">
-                  {TEXT.lasted(
-                    `${long.value} ${long.unit}`,
-                    worst === null ? "" : withUnit(worst, found.value?.unit ?? ""),
-                  )}
+                  {TEXT.lasted(`${long.value} ${long.unit}`, worst === null ? "" : withUnit(worst, preview.unit))}
                 </span>
               </li>
             );

@@ -1,13 +1,13 @@
 /** The analysis dialog: spectrum, Allan deviation or statistics of a signal or an expression, over a range of the view. */
-import { type Signal, useComputed, useSignal, useSignalEffect } from "@preact/signals";
+import { type Signal, useComputed, useSignal } from "@preact/signals";
 import { useId, useMemo } from "preact/hooks";
 import type { AnalysisPanel } from "../../data/view";
 import type { Deps } from "../../page/context";
 import { Segmented, Select } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
-import { type HttpProblem, request } from "../../requests/http";
-import { ProblemNote } from "../../requests/problem-note";
-import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
+import { type Outcome, request } from "../../requests/http";
+import { Answered, useAnswer } from "../../requests/use-answer";
+import type { SignalFigures } from "../../wire/routes";
 import {
   type ChoiceChange,
   type ChoiceState,
@@ -18,8 +18,9 @@ import {
   WINDOWS,
 } from "./choice";
 import { hasCursors } from "../../data/view-state";
-import { type Name, type RangeName, signalNames, signalsIn, timesOf } from "./figures";
-import { type Answered, AnalysisResult } from "./results";
+import { type Name, type RangeName, rangeQuestion, signalNames, signalsIn, timesOf } from "./figures";
+import { likeNames, Proposals } from "./proposals";
+import { AnalysisResult, type Result } from "./results";
 import { TEXT } from "./texts";
 import "./analysis.css";
 
@@ -76,51 +77,31 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
   // of the dialog: cursors that are set when it is opened are what is looked at
   const between = useSignal(only === undefined && hasCursors(viewState)).peek();
   const choice = useComputed(() => wholeChoice(shown.value, state.choice.value, names.value, between));
-  const answered = useSignal<Answered | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
-  const busy = useSignal(true);
-  const wanted = useComputed(() => bodyOf(shown.value, choice.value, prefix));
-  useSignalEffect(() => {
-    const { name, body } = wanted.value;
-    const range = choice.value.range;
-    if (choice.value.signals === "") return undefined; // no channel yet
-    const cancel = new AbortController();
-    let timer: ReturnType<typeof setTimeout> | undefined;
-    const rangeNow = () => ({
-      ...timesOf(range, viewState, store.edgeOf(viewState.device.peek())),
-      base: viewState.view.peek().timeBase,
-    });
-    let asked = "";
-    const look = async (): Promise<void> => {
-      const times = rangeNow();
-      const grows = isLive && (range === "everything" || (range === "window" && viewState.view.peek().live));
-      const isSeen = document.visibilityState !== "hidden";
-      if (isSeen && (grows || JSON.stringify(times) !== asked)) {
-        asked = JSON.stringify(times);
-        await ask({ ...body, ...times, source });
-      }
-      const pause =
-        range === "everything" ? SLOW_MS : name === "spectrogram" ? HEAVY_MS : isLive ? LIVE_MS : RECORDED_MS;
-      if (!cancel.signal.aborted) timer = setTimeout(() => void look(), pause);
-    };
-    const ask = async (whole: AnalysisRequest): Promise<void> => {
-      const outcome = await request("POST /api/analysis/{name}", {
-        path: { name },
-        body: whole,
-        signal: cancel.signal,
-      });
-      if (cancel.signal.aborted) return;
-      busy.value = false;
-      problem.value = outcome.ok ? undefined : outcome.problem;
-      if (outcome.ok) answered.value = { name, figures: outcome.value as readonly SignalFigures[], body: whole };
-    };
-    busy.value = true;
-    timer = setTimeout(() => void look(), answered.peek() === undefined ? 0 : TYPED_MS);
-    return () => {
-      clearTimeout(timer);
-      cancel.abort();
-    };
-  });
+  const isPlaying = (): boolean => (deps.recording?.rate() ?? 0) > 0;
+  const asked = useComputed(() => rangeQuestion(choice.value.range, viewState, isPlaying())).value;
+  const { range } = choice.value;
+  const { name, body } = bodyOf(shown.value, choice.value, prefix);
+  const grows = range === "everything" ? isLive : asked.startsWith("last");
+  const ask = async (signal: AbortSignal): Promise<Outcome<Result> | undefined> => {
+    if (grows && document.visibilityState === "hidden") return undefined;
+    const times = timesOf(range, viewState, plots.edge());
+    const whole = { ...body, ...times, base: viewState.view.peek().timeBase, source };
+    const outcome = await request("POST /api/analysis/{name}", { path: { name }, body: whole, signal });
+    if (!outcome.ok) return outcome;
+    return { ok: true, value: { name, figures: outcome.value as readonly SignalFigures[], body: whole } };
+  };
+  const pauseMs = range === "everything" ? SLOW_MS : name === "spectrogram" ? HEAVY_MS : isLive ? LIVE_MS : RECORDED_MS;
+  const hasNone = choice.value.signals === ""; // no channel yet
+  const question = hasNone ? "" : JSON.stringify([name, body, asked, source]);
+  const answered = useAnswer(question, ask, { everyMs: grows ? pauseMs : undefined, typedMs: TYPED_MS });
+  const xKind = choice.value.frequencyAxis;
+  const axis = only !== undefined && range === "window" ? plots : undefined;
+  const result = useMemo(
+    () => answered.answer && <AnalysisResult xKind={xKind} plots={axis} {...answered.answer} />,
+    [answered.answer, xKind, axis],
+  );
+  const device = viewState.device.value;
+  const signals = choice.value.signals;
   return (
     <div class="analysis stacked">
       <Controls
@@ -131,16 +112,20 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
         names={names.value}
         hasCursors={canRange.value}
       />
-      {problem.value && <ProblemNote problem={problem.value} />}
-      {answered.value ? (
-        <AnalysisResult
-          xKind={choice.value.frequencyAxis}
-          plots={only !== undefined && choice.value.range === "window" ? plots : undefined}
-          {...answered.value}
-        />
-      ) : (
-        busy.value && <p>{TEXT.computing}</p>
-      )}
+      <Answered
+        of={answered}
+        waiting={!hasNone && <p>{TEXT.computing}</p>}
+        instead={({ kind }) =>
+          kind === "not-found" && (
+            <Proposals
+              names={likeNames(signalsIn(signals), device, store.channels.value)}
+              choose={(chosen) => state.set({ signals: chosen })}
+            />
+          )
+        }
+      >
+        {() => result}
+      </Answered>
     </div>
   );
 }

@@ -31,6 +31,22 @@ export function timesOf(
   return { t0: last - span, t1: last };
 }
 
+/** Those times as a part of the question: a window that moves with the data stays the same one. */
+export function rangeQuestion(
+  range: RangeName,
+  { view, isLive, span, timeBase, cursor, measure }: ViewState,
+  isPlaying: boolean,
+): string {
+  if (range === "everything") return timeBase.value;
+  const pinned = range === "cursors" ? cursor.value : undefined;
+  if (pinned?.kind === "pinned" && measure.value !== undefined)
+    return `${pinned.time} ${measure.value} ${timeBase.value}`;
+  if (isLive.value || isPlaying) return `last ${span.value} ${timeBase.value}`;
+  const { end } = view.peek();
+  void view.value; // every frame of a drag is another question
+  return `${end} ${span.value} ${timeBase.value}`;
+}
+
 const NUMBERS: readonly Channel["info"]["kind"][] = ["vector", "quaternion", "euler", "scalar", "record", "matrix"];
 const FIRST = /^acceleration$|acc/i;
 

@@ -31,14 +31,14 @@ const MAX_MARKS = 6;
 /** Texts for other programs, by analysis. */
 const FORMATS: Readonly<Partial<Record<Name, readonly string[]>>> = { allan: ["kalibr", "vins", "robot_localization"] };
 
-export interface Answered {
+export interface Result {
   readonly name: Name;
   readonly figures: readonly SignalFigures[];
   /** The request, for the same figures as a text. */
   readonly body: AnalysisRequest;
 }
 
-interface ResultProps extends Answered {
+interface ResultProps extends Result {
   /** Of the frequency axis. */
   readonly xKind: "linear" | "log";
   /** Over time, the axis is that of the plots. */
@@ -261,7 +261,7 @@ function Scroll({ label, children }: { readonly label: string; readonly children
   );
 }
 
-function Copy({ name, figures, body }: Answered) {
+function Copy({ name, figures, body }: Result) {
   const said = useSignal("");
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const copy = async (text: string): Promise<void> => {

@@ -38,6 +38,7 @@ export const TEXT = {
     include: "included",
   } as Readonly<Record<string, string>>,
   computing: "Computing…",
+  deviceHas: "This device has",
   chart: (title: Value, signals: Value) => `${title} of ${signals}`,
   frequency: "Frequency",
   averagingTime: "Averaging time τ",

@@ -10,8 +10,8 @@ import type { Deps } from "../../page/context";
 import { Button } from "../../ui/controls/button";
 import { type Panel, throttle } from "../../ui/dom/dom";
 import { clock, number } from "../../ui/format/format";
-import type { HttpProblem } from "../../requests/http";
-import { Message } from "../../ui/controls/message";
+import { LatestAnswer } from "../../requests/latest-answer";
+import { Answered } from "../../requests/use-answer";
 import type { PacketInfo } from "../../wire/routes";
 import { fetchFrames, packetTitle } from "../../pages/packet-frames";
 import { TEXT as PACKETS } from "../../texts/packets";
@@ -25,18 +25,15 @@ const PER_SECOND = 2;
 /** First bytes of a frame in its row. */
 const MAX_BYTES = 24;
 
-interface State {
-  /** Newest first. */
-  readonly frames: readonly PacketInfo[];
-  readonly problem: HttpProblem | undefined;
-}
-
-const NOTHING: State = { frames: [], problem: undefined };
+/** Newest first. */
+type Frames = readonly PacketInfo[];
 
 class Bytes {
   readonly #deps: Deps;
   readonly #host: HTMLElement;
-  readonly #state = signal(NOTHING);
+  readonly #latest = new LatestAnswer<Frames>();
+  /** Of the frames that are to be shown: their device, and their time but for the newest. */
+  readonly #question = signal("");
   readonly #isHeld = signal(false);
   readonly #due = throttle(PER_SECOND);
   #device: string | undefined;
@@ -47,14 +44,14 @@ class Bytes {
   constructor(host: HTMLElement, deps: Deps) {
     [this.#deps, this.#host] = [deps, host];
     const open = (packet: PacketInfo): void => this.#open(packet);
-    render(<View state={this.#state} isHeld={this.#isHeld} open={open} />, host);
+    render(<View latest={this.#latest} question={this.#question} isHeld={this.#isHeld} open={open} />, host);
   }
 
   update(now: number): void {
     if (!this.#due(now)) return;
     const device = selected(this.#deps)?.id;
     if (device !== this.#device) {
-      [this.#device, this.#asked, this.#state.value] = [device, "", NOTHING];
+      [this.#device, this.#asked] = [device, ""];
       this.#isHeld.value = false;
     }
     if (device === undefined || this.#isHeld.peek() || this.#isAsking || document.visibilityState === "hidden") return;
@@ -62,7 +59,9 @@ class Bytes {
     const time = this.#time(device);
     if (time === undefined || `${device} ${time}` === this.#asked) return;
     this.#asked = `${device} ${time}`;
-    void this.#ask(device, time);
+    const isNewest = reading(this.#deps).time === Number.POSITIVE_INFINITY;
+    this.#question.value = `${device} ${isNewest ? "" : time}`;
+    void this.#ask(device, time, this.#question.value);
   }
 
   /** A row that moved away under a pointer would not be clicked. */
@@ -79,7 +78,7 @@ class Bytes {
     return newest === undefined ? undefined : Math.min(time, newest);
   }
 
-  async #ask(device: string, time: number): Promise<void> {
+  async #ask(device: string, time: number, question: string): Promise<void> {
     this.#isAsking = true;
     const { recording } = this.#deps;
     const place = { device, ...(recording ? { recording: recording.id } : {}) };
@@ -90,15 +89,13 @@ class Bytes {
       this.#asked = "";
       return;
     }
-    this.#state.value = outcome.ok
-      ? {
-          frames: outcome.value.packets
-            .slice(0, outcome.value.at + 1)
-            .reverse()
-            .slice(0, MAX_FRAMES),
-          problem: undefined,
-        }
-      : { ...this.#state.peek(), problem: outcome.problem };
+    if (!outcome.ok) return this.#latest.take(question, outcome);
+    const { packets, at } = outcome.value;
+    const value = packets
+      .slice(0, at + 1)
+      .reverse()
+      .slice(0, MAX_FRAMES);
+    this.#latest.take(question, { ok: true, value });
   }
 
   #open({ arrival, rank }: PacketInfo): void {
@@ -116,13 +113,18 @@ class Bytes {
 }
 
 interface ViewProps {
-  readonly state: Signal<State>;
+  readonly latest: LatestAnswer<Frames>;
+  readonly question: Signal<string>;
   readonly isHeld: Signal<boolean>;
   readonly open: (packet: PacketInfo) => void;
 }
 
-function View({ state, isHeld, open }: ViewProps) {
-  const { frames, problem } = state.value;
+function View({ latest, question, isHeld, open }: ViewProps) {
+  const none = (
+    <p class="foot-note dim" role="status">
+      {TEXT.noFrames}
+    </p>
+  );
   return (
     <>
       <div class="bytes-tools control-row text-sm">
@@ -135,34 +137,29 @@ function View({ state, isHeld, open }: ViewProps) {
         />
         <span class="dim">{isHeld.value ? TEXT.isHeld : TEXT.newestFirst}</span>
       </div>
-      {problem && (
-        <p class="foot-note" role="status">
-          <b>
-            <Message text={problem.message} />
-          </b>{" "}
-          <Message text={problem.hint} />
-        </p>
-      )}
-      {frames.length === 0 && !problem && (
-        <p class="foot-note dim" role="status">
-          {TEXT.noFrames}
-        </p>
-      )}
-      <ol class="bytes-list text-sm" aria-label={TEXT.newestFrames}>
-        {frames.map((packet) => (
-          <li key={`${packet.arrival} ${packet.rank}`}>
-            <button type="button" title={packet.verdict} onClick={() => open(packet)}>
-              <span class="num dim">{clock(packet.arrival, 3)}</span>
-              <b class="ellipsis">
-                {packet.kind === "reject" && <span class="dot bad" />} {packetTitle(packet)}
-              </b>
-              <span class="num dim">{PACKETS.size(packet.size)}</span>
-              <span class="num dim">{packet.gap_ms === null ? "" : PACKETS.gap(number(packet.gap_ms, 2))}</span>
-              <span class="mono ellipsis">{spaced(packet.hex, MAX_BYTES)}</span>
-            </button>
-          </li>
-        ))}
-      </ol>
+      <Answered of={latest.of(question.value)} waiting={none}>
+        {(frames) =>
+          frames.length === 0 ? (
+            none
+          ) : (
+            <ol class="bytes-list text-sm" aria-label={TEXT.newestFrames}>
+              {frames.map((packet) => (
+                <li key={`${packet.arrival} ${packet.rank}`}>
+                  <button type="button" title={packet.verdict} onClick={() => open(packet)}>
+                    <span class="num dim">{clock(packet.arrival, 3)}</span>
+                    <b class="ellipsis">
+                      {packet.kind === "reject" && <span class="dot bad" />} {packetTitle(packet)}
+                    </b>
+                    <span class="num dim">{PACKETS.size(packet.size)}</span>
+                    <span class="num dim">{packet.gap_ms === null ? "" : PACKETS.gap(number(packet.gap_ms, 2))}</span>
+                    <span class="mono ellipsis">{spaced(packet.hex, MAX_BYTES)}</span>
+                  </button>
+                </li>
+              ))}
+            </ol>
+          )
+        }
+      </Answered>
     </>
   );
 }

@@ -10,7 +10,7 @@ import { Dialog } from "../../ui/controls/dialog";
 import { addressOf, type Outcome, request, type HttpProblem } from "../../requests/http";
 import { Message } from "../../ui/controls/message";
 import { ProblemNote } from "../../requests/problem-note";
-import { usePolled } from "../../requests/use-polled";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import { fullName } from "../../wire/device-name";
 import type { AvailableCalibration, CalibrationReport, CalibrationState, CalibrationWrite } from "../../wire/routes";
 import type { DeviceInfo, DeviceJobs, Job } from "../../wire/types";
@@ -35,7 +35,8 @@ export function CalibrationDialog({ device, jobs, onClose }: Props) {
   const chooses = useSignal(false);
   const path = { device: device.id };
   const ask = () => request("GET /api/devices/{device}/calibration", { path });
-  const { state, problem, send } = usePolled<CalibrationState>(device.id, ASK_EVERY_MS, ask);
+  const asked = useAnswer<CalibrationState>(device.id, ask, { everyMs: ASK_EVERY_MS });
+  const { send } = asked;
   const take = async (change: Promise<Outcome<CalibrationState>>): Promise<void> => {
     if (await send(change)) chooses.value = false;
   };
@@ -44,31 +45,30 @@ export function CalibrationDialog({ device, jobs, onClose }: Props) {
   const finish = (): Promise<void> => take(request("POST /api/devices/{device}/calibration/finish", { path }));
   const ended = async (): Promise<Outcome<CalibrationState>> => {
     const outcome = await request("DELETE /api/devices/{device}/calibration", { path });
-    const available = state.peek()?.available ?? [];
+    const available = asked.answer?.available ?? [];
     return outcome.ok ? { ok: true, value: { available, is_running: false, report: null, write: null } } : outcome;
   };
   const stop = (): Promise<boolean> => send(ended());
-  const now = state.value;
-  const report = chooses.value ? null : now?.report;
+  const view = (now: CalibrationState) => {
+    const report = chooses.value ? null : now.report;
+    if (!report) return <Choice available={now.available} start={(kind) => void start(kind)} />;
+    if (now.is_running) return <Coach report={report} finish={() => void finish()} stop={() => void stop()} />;
+    return (
+      <Ended
+        report={report}
+        device={device}
+        write={now.write && <Write key={now.write.setting} device={device.id} write={now.write} jobs={jobs} />}
+        again={() => void start(report.kind)}
+        others={() => (chooses.value = true)}
+      />
+    );
+  };
   return (
     <Dialog title={TEXT.titleOf(fullName(device))} wide onClose={onClose}>
       <div class="calibration">
-        {problem.value && <ProblemNote problem={problem.value} />}
-        {now === undefined ? (
-          problem.value === undefined && <p>{TEXT.loading}</p>
-        ) : !report ? (
-          <Choice available={now.available} start={(kind) => void start(kind)} />
-        ) : now.is_running ? (
-          <Coach report={report} finish={() => void finish()} stop={() => void stop()} />
-        ) : (
-          <Ended
-            report={report}
-            device={device}
-            write={now.write && <Write key={now.write.setting} device={device.id} write={now.write} jobs={jobs} />}
-            again={() => void start(report.kind)}
-            others={() => (chooses.value = true)}
-          />
-        )}
+        <Answered of={asked} waiting={<p>{TEXT.loading}</p>}>
+          {view}
+        </Answered>
       </div>
     </Dialog>
   );

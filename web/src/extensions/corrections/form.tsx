@@ -7,7 +7,7 @@ import { Message } from "../../ui/controls/message";
 import type { Model } from "../../pages/configure/model";
 import { COMMON } from "../../texts/common";
 import { type Outcome, request } from "../../requests/http";
-import { usePolled } from "../../requests/use-polled";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import type { Corrections as CorrectionsState } from "../../wire/form-types";
 import { TEXT } from "./texts";
 import "./corrections.css";
@@ -19,13 +19,14 @@ const pathOf = ({ id }: Model) => ({ device: id });
 export function CorrectionsForm({ model }: { readonly model: Model }) {
   const path = pathOf(model);
   const ask = () => request("GET /api/devices/{device}/corrections", { path });
-  const { state, send } = usePolled<CorrectionsState>(model.id, ASK_EVERY_MS, ask);
+  const asked = useAnswer<CorrectionsState>(model.id, ask, { everyMs: ASK_EVERY_MS });
+  const { answer: state } = asked;
   const kind = useSignal<"ntrip" | "other">("ntrip");
   const caster = useSignal<Ntrip>(BLANK);
   const other = useSignal("");
   const why = kind.value === "ntrip" ? ntripProblem(caster.value) : other.value.trim() === "" ? TEXT.sourceMissing : "";
   const change = (request: Promise<Outcome<CorrectionsState>>): void => {
-    void send(request);
+    void asked.send(request);
     void model.run(request);
   };
   const start = (event: Event): void => {
@@ -56,17 +57,17 @@ export function CorrectionsForm({ model }: { readonly model: Model }) {
             changes
             type="submit"
             look="main"
-            words={state.value?.running ? TEXT.restart : TEXT.start}
+            words={state?.running ? TEXT.restart : TEXT.start}
             disabled={why !== ""}
             aria-describedby="rtcm-why"
           />
-          <Button changes look="edge" words={COMMON.stop} disabled={!state.value?.source} onClick={stop} />
+          <Button changes look="edge" words={COMMON.stop} disabled={!state?.source} onClick={stop} />
           <span class="dim" id="rtcm-why">
             {why}
           </span>
         </div>
       </form>
-      {state.value && state.value.source !== "" && <Figures state={state.value} />}
+      <Answered of={asked}>{(now) => now.source !== "" && <Figures state={now} />}</Answered>
     </section>
   );
 }

@@ -1,10 +1,11 @@
 /** The form of a computed signal: its expression with a preview of the last seconds, its name, and what is wrong with it. */
-import { useComputed, useSignal, useSignalEffect, type Signal } from "@preact/signals";
+import { useComputed, useSignal, type Signal } from "@preact/signals";
 import { useEffect, useCallback, useRef } from "preact/hooks";
 import type { Deps } from "../../page/context";
 import { Button } from "../../ui/controls/button";
 import { Dialog } from "../../ui/controls/dialog";
-import { request, type HttpProblem } from "../../requests/http";
+import { request, type HttpProblem, type Outcome } from "../../requests/http";
+import { useAnswer } from "../../requests/use-answer";
 import { number } from "../../ui/format/format";
 import type { ComputedSignal, ExpressionWords, SignalFigures } from "../../wire/routes";
 import { TEXT as SIGNALS } from "../../texts/signals";
@@ -34,42 +35,23 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
   const device = deps.viewState.device.value ?? "";
   const text = useSignal(signal?.expression ?? "");
   const name = useSignal(signal?.name ?? "");
-  const words = useSignal<ExpressionWords | undefined>(undefined);
-  const figures = useSignal<readonly SignalFigures[]>([]);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
+  const refused = useSignal<HttpProblem | undefined>(undefined);
   const busy = useSignal(false);
   const names = useComputed(() => expressionNames(deps.store.channels.value, device, signal?.name));
-  useEffect(() => {
-    const cancel = new AbortController();
-    void request("GET /api/signals/words", { signal: cancel.signal }).then((outcome) => {
-      if (outcome.ok) words.value = outcome.value;
-    });
-    return () => cancel.abort();
-  }, []);
-  useSignalEffect(() => {
-    const expression = text.value.trim();
-    const cancel = new AbortController();
-    const ask = async (): Promise<void> => {
-      // a plain name is a signal of its own; in brackets it is an expression, whose mistakes have a place
-      const now = deps.store.edgeOf(device);
-      const range = { t0: now - PREVIEW_S, t1: now, base: "device" as const };
-      const body = { source: device, signals: [`(${expression})`], options: {}, ...range };
-      const outcome = await request("POST /api/analysis/{name}", {
-        path: { name: "expression" },
-        body,
-        signal: cancel.signal,
-      });
-      if (cancel.signal.aborted) return;
-      problem.value = outcome.ok ? undefined : unbracketed(outcome.problem);
-      figures.value = outcome.ok ? (outcome.value as readonly SignalFigures[]) : [];
-    };
-    const timer = expression === "" ? undefined : setTimeout(() => void ask(), TYPED_MS);
-    if (expression === "") [problem.value, figures.value] = [undefined, []];
-    return () => {
-      clearTimeout(timer);
-      cancel.abort();
-    };
-  });
+  const words = useAnswer("words", (signal) => request("GET /api/signals/words", { signal })).answer;
+  const expression = text.value.trim();
+  const ask = async (signal: AbortSignal): Promise<Outcome<readonly SignalFigures[]>> => {
+    // a plain name is a signal of its own; in brackets it is an expression, whose mistakes have a place
+    const now = deps.store.edgeOf(device);
+    const range = { t0: now - PREVIEW_S, t1: now, base: "device" as const };
+    const body = { source: device, signals: [`(${expression})`], options: {}, ...range };
+    const outcome = await request("POST /api/analysis/{name}", { path: { name: "expression" }, body, signal });
+    return outcome.ok
+      ? { ok: true, value: outcome.value as readonly SignalFigures[] }
+      : { ok: false, problem: unbracketed(outcome.problem) };
+  };
+  const preview = useAnswer(expression && `${device} ${expression}`, ask, { typedMs: TYPED_MS });
+  const figures = preview.answer;
   const save = async (): Promise<void> => {
     if (busy.peek() || text.peek().trim() === "") return;
     busy.value = true;
@@ -78,14 +60,13 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
     const body = { expression: text.peek().trim() };
     const outcome = await request("PUT /api/devices/{device}/signals/{name}", { path, body });
     busy.value = false;
-    if (!outcome.ok) {
-      problem.value = outcome.problem;
-      return;
-    }
-    onMade(own, columnsOf(figures.peek()));
+    refused.value = outcome.ok ? undefined : outcome.problem;
+    if (!outcome.ok) return;
+    onMade(own, columnsOf(figures ?? []));
     onClose();
   };
-  const mistake = problem.value ? `${problem.value.message} ${problem.value.hint}`.trim() : "";
+  const problem = refused.value ?? preview.problem;
+  const mistake = problem ? `${problem.message} ${problem.hint}`.trim() : "";
   return (
     <Dialog title={signal ? TEXT.editSignal(signal.name) : TEXT.newSignal} onClose={onClose}>
       <form
@@ -95,14 +76,10 @@ export function NewSignal({ deps, signal, onClose, onMade }: Props) {
           void save();
         }}
       >
-        <ExpressionInput
-          text={text}
-          names={names.value}
-          words={words.value}
-          mistake={mistake}
-          onEnter={() => void save()}
-        />
-        <Preview figures={figures.value} />
+        <ExpressionInput text={text} names={names.value} words={words} mistake={mistake} onEnter={() => void save()} />
+        <div class="result" data-old={preview.isOld || undefined}>
+          <Preview figures={figures ?? []} />
+        </div>
         <label class="labelled">
           <span>{TEXT.name}</span>
           <span class="field">

@@ -33,9 +33,10 @@ const PREVIEW = {
   problem: "open",
   hint: "",
   heading: ["time", "gx"],
+  packet_stamp: "first",
 };
 const READ = { ...PREVIEW, about: "", unit: "ms", rate: 1000, times: [1.5e9], sentences: ["The axis is time in ms."] };
-const EMPTY = { time_column: "", unit: "", date_order: "", rate: 0, columns: {} };
+const EMPTY = { time_column: "", unit: "", date_order: "", rate: 0, packet_stamp: "", columns: {} };
 const ANSWERS: Answers = {
   "GET /api/recordings/a/reading": STATE,
   "GET /api/recordings/b/reading": { ...STATE, about: "" },
@@ -91,6 +92,13 @@ test("a table that is opened and certain, and an upload that failed, are not ask
   route.value = parse("#/recordings/b") ?? route.peek();
   await waitFor(() => expect(asked.map(({ path }) => path)).toEqual(["/api/recordings/b/reading"]));
   expect(document.querySelector(".table-reading")).toBeNull();
+});
+
+test("the end of a packet that its time belongs to is chosen", async () => {
+  const { asked } = start();
+  route.value = parse("#/recordings/a") ?? route.peek();
+  fireEvent.click(await screen.findByText("last sample"));
+  await waitFor(() => expect(asked.at(-1)?.body).toEqual({ ...EMPTY, packet_stamp: "last" }));
 });
 
 test("columns are renamed and left out, and rows counted", async () => {

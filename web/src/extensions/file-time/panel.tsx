@@ -1,12 +1,12 @@
 /** The panel of a file: which clock is the time axis and why, and all clocks with their figures and steps. */
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import type { FileClock, FileTime } from "../../wire/routes";
 import type { Deps } from "../../page/context";
 import { Button } from "../../ui/controls/button";
 import type { Panel } from "../../ui/dom/dom";
 import { type HttpProblem, request } from "../../requests/http";
 import { ProblemNote } from "../../requests/problem-note";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import { renderedPanel } from "../../panels/panel-host";
 import { Clocks } from "./clocks";
 import { readingOf, withTimes } from "./reading";
@@ -19,23 +19,25 @@ export function mountClocks(host: HTMLElement, deps: Deps): Panel {
 }
 
 export function ClocksPanel({ deps }: { readonly deps: Deps }) {
-  const file = useSignal<FileTime | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
   const id = deps.recording?.id ?? "";
-  useEffect(() => {
-    const over = new AbortController();
-    void request("GET /api/recordings/{recording}/clocks", { path: { recording: id }, signal: over.signal }).then(
-      (outcome) => {
-        if (over.signal.aborted) return;
-        if (outcome.ok) file.value = outcome.value;
-        else problem.value = outcome.problem;
-      },
-    );
-    return () => over.abort();
-  }, [id]);
-  const time = file.value;
-  const note = problem.value && <ProblemNote problem={problem.value} />;
-  if (!time) return note ?? <p class="foot-note dim">{TEXT.loading}</p>;
+  const file = useAnswer(id, (signal) =>
+    request("GET /api/recordings/{recording}/clocks", { path: { recording: id }, signal }),
+  );
+  return (
+    <Answered of={file} waiting={<p class="foot-note dim">{TEXT.loading}</p>}>
+      {(time) => <ClocksOf time={time} id={id} deps={deps} />}
+    </Answered>
+  );
+}
+
+interface ClocksProps {
+  readonly time: FileTime;
+  readonly id: string;
+  readonly deps: Deps;
+}
+
+function ClocksOf({ time, id, deps }: ClocksProps) {
+  const problem = useSignal<HttpProblem | undefined>(undefined);
   const sentences = time.sentences.length > 0 ? time.sentences : [TEXT.ofDevice];
   const use = async (clock: FileClock): Promise<void> => {
     const { reading, is_table } = time;
@@ -83,7 +85,7 @@ export function ClocksPanel({ deps }: { readonly deps: Deps }) {
           )}
         </div>
       )}
-      {note}
+      {problem.value && <ProblemNote problem={problem.value} />}
       {time.messages.map((one) => (
         <Clocks
           key={`${one.device} ${one.message}`}

@@ -1,12 +1,13 @@
 /** The dialog of a table: its first rows as they will be read, and everything about them that can be chosen. */
 import { useSignal, type Signal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useRef } from "preact/hooks";
 import { dateWords } from "../../recordings/library-filter";
 import { Button } from "../../ui/controls/button";
 import { Segmented, Select } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
 import { request, type HttpProblem } from "../../requests/http";
 import { ProblemNote } from "../../requests/problem-note";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import type { ReadingState, TablePreview, FileTime, PreviewColumn } from "../../wire/routes";
 import { COMMON } from "../../texts/common";
 import {
@@ -45,26 +46,15 @@ interface Props {
 
 export function ReadingDialog({ recording, title, state, onClose, onChosen }: Props) {
   const reading = useSignal<Reading>(readingOf(state.reading));
-  const preview = useSignal<TablePreview | undefined>(undefined);
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const busy = useSignal(false);
   const path = { recording };
   const body = reading.value;
-  useEffect(() => {
-    const over = new AbortController();
-    const show = async (): Promise<void> => {
-      const input = { path: { recording }, body, signal: over.signal };
-      const outcome = await request("POST /api/recordings/{recording}/reading/preview", input);
-      if (over.signal.aborted) return;
-      problem.value = outcome.ok ? undefined : outcome.problem;
-      if (outcome.ok) preview.value = outcome.value;
-    };
-    const timer = setTimeout(() => void show(), preview.peek() ? TYPED_MS : 0);
-    return () => {
-      clearTimeout(timer);
-      over.abort();
-    };
-  }, [body, recording]);
+  const preview = useAnswer(
+    JSON.stringify([recording, body]),
+    (signal) => request("POST /api/recordings/{recording}/reading/preview", { path, body, signal }),
+    { typedMs: TYPED_MS },
+  );
   const choose = async (isAutomatic: boolean): Promise<void> => {
     if (busy.value) return;
     busy.value = true;
@@ -75,7 +65,8 @@ export function ReadingDialog({ recording, title, state, onClose, onChosen }: Pr
     if (outcome.ok) onChosen();
     else problem.value = outcome.problem;
   };
-  const table = preview.value;
+  const last = useRef<TablePreview | undefined>(undefined);
+  const table = (last.current = preview.answer ?? last.current); // an answer that is refused leaves what can be chosen
   return (
     <Dialog title={TEXT.readingOf(title)} onClose={onClose}>
       <form
@@ -86,12 +77,17 @@ export function ReadingDialog({ recording, title, state, onClose, onChosen }: Pr
           void choose(false);
         }}
       >
-        {!table && !problem.value && <p class="dim">{TEXT.loadingRows}</p>}
         {table && <Question table={table} />}
         {table && <Choices table={table} reading={reading} />}
         {problem.value && <ProblemNote problem={problem.value} />}
-        {table && <Facts table={table} />}
-        {table && <FirstRows table={table} />}
+        <Answered of={preview} waiting={<p class="dim">{TEXT.loadingRows}</p>}>
+          {(shown) => (
+            <>
+              <Facts table={shown} />
+              <FirstRows table={shown} />
+            </>
+          )}
+        </Answered>
         {table && <ColumnNames table={table} reading={reading} />}
         <div class="row">
           <span class="grow dim">{TEXT.remembered}</span>
@@ -168,6 +164,17 @@ function Choices({ table, reading }: ChoicesProps) {
         </div>
       )}
       {!isCounted && table.units.length > 0 && <Units table={table} reading={reading} />}
+      {!isCounted && table.packet_stamp !== "" && (
+        <div>
+          <span class="label">{TEXT.packetStamp}</span>
+          <Segmented
+            label={TEXT.packetStamp}
+            value={table.packet_stamp}
+            options={(["first", "last"] as const).map((stamp) => [stamp, TEXT.packetStamps[stamp]])}
+            onChoose={(stamp) => set({ packet_stamp: stamp })}
+          />
+        </div>
+      )}
       {asksOrder && (
         <div>
           <span class="label">{TEXT.dateOrder}</span>

@@ -56,6 +56,7 @@ const TABLE: TablePreview = {
   problem: "",
   hint: "",
   heading: [],
+  packet_stamp: "",
 };
 
 test("another column of times has no unit and no rate of the one before", () => {

@@ -20,6 +20,7 @@ export const readingOf = (body: FileReadingBody): Reading => ({
   unit: body.unit ?? "",
   date_order: body.date_order ?? "",
   rate: body.rate ?? 0,
+  packet_stamp: body.packet_stamp ?? "",
   columns: body.columns ?? {},
 });
 
@@ -33,6 +34,7 @@ export const withTimes = (reading: Reading, column: string): Reading => ({
   unit: "",
   date_order: "",
   rate: column === COUNT_ROWS ? reading.rate : 0,
+  packet_stamp: "",
 });
 
 /** The choices with a column under another name, with another unit, or left out. */

@@ -72,6 +72,8 @@ export const TEXT = {
   oneIn: (seconds: Value) => `one in ${seconds} s`,
   dateOrder: "Order of dates",
   orders: { dmy: "day, month, year", mdy: "month, day, year" },
+  packetStamp: "Time of a packet is that of its",
+  packetStamps: { first: "first sample", last: "last sample" },
   separatedBy: (separator: Value) => `Columns separated by ${separator}`,
   separators: { ",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks" } as Record<string, string>,
   decimalComma: "decimal comma",

@@ -21,10 +21,9 @@ interface Props {
   readonly isDensity: boolean;
   readonly hasCurve: boolean;
   /** Of another range than wanted. */
-  readonly isOld: boolean;
 }
 
-export function HistogramChart({ shown, unit, isDensity, hasCurve, isOld }: Props) {
+export function HistogramChart({ shown, unit, isDensity, hasCurve }: Props) {
   const size = useChart(MARGINS);
   const { area } = size;
   const pointer = useSignal<number | undefined>(undefined);
@@ -37,7 +36,7 @@ export function HistogramChart({ shown, unit, isDensity, hasCurve, isOld }: Prop
   const y: Axis = { kind: "linear", low: 0, high: tallest > 0 ? tallest * 1.05 : 1 };
   return (
     <div
-      class={chartClass(`histogram-chart ${isOld ? "old" : ""}`)}
+      class={chartClass("histogram-chart")}
       ref={size.host}
       onPointerMove={(event) => (pointer.value = valueUnder(size, x, event))}
       onPointerLeave={() => (pointer.value = undefined)}

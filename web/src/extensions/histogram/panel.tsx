@@ -7,7 +7,7 @@ import { render } from "preact";
 import { figure } from "../../charts/axes";
 import { colourOf } from "../../charts/curve-colours";
 import type { HistogramChoice } from "../../data/view";
-import { LatestAnswer } from "../../measure/latest-answer";
+import { LatestAnswer } from "../../requests/latest-answer";
 import { liveSource } from "../../measure/sample-access";
 import { wantedOf, type FigureSource, type Wanted } from "../../measure/figure-source";
 import { channelsOf } from "../../panels/panel-context";
@@ -16,7 +16,7 @@ import { unitOf, plottable, type Found } from "../../signals/custom-plots";
 import { throttle, type Panel } from "../../ui/dom/dom";
 import { number } from "../../ui/format/format";
 import { request } from "../../requests/http";
-import { Message } from "../../ui/controls/message";
+import { Answered } from "../../requests/use-answer";
 import { TableHead } from "../../ui/controls/table-head";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { rangeOf } from "../../charts/range";
@@ -35,35 +35,29 @@ const LIVE_MS = 500;
 /** What is to be asked is looked at this often a second: lists of channels are not made once a frame. */
 const PER_SECOND = 10;
 
-interface Answered {
-  /** Its columns and options, without the range. */
-  readonly of: string;
+interface Content {
   readonly shown: readonly HistogramContent[];
   readonly unit: string;
-}
-
-interface State {
-  readonly answered: Answered | undefined;
-  readonly isOld: boolean;
-  readonly problem: string | undefined;
 }
 
 class Histogram implements Panel {
   readonly #host: HTMLElement;
   readonly #deps: Deps;
   readonly #due = throttle(PER_SECOND);
-  readonly #latest = new LatestAnswer<Answered>();
-  readonly #state: Signal<State> = signal<State>({ answered: undefined, isOld: false, problem: undefined });
+  readonly #latest = new LatestAnswer<Content>();
+  readonly #question = signal("");
+  /** Why nothing can be asked. */
+  readonly #lost = signal("");
 
   constructor(host: HTMLElement, deps: Deps) {
     this.#host = host;
     this.#deps = deps;
-    render(<View deps={deps} state={this.#state} />, host);
+    render(<View deps={deps} latest={this.#latest} question={this.#question} lost={this.#lost} />, host);
   }
 
   update(now: number): void {
     if (!this.#due(now)) return;
-    const { viewState, store, samples } = this.#deps;
+    const { viewState, store, samples, recording } = this.#deps;
     const view = viewState.view.peek();
     const choice = viewState.histogram.peek();
     const channel = chosenChannel(countable(channelsOf(this.#deps)), choice);
@@ -75,24 +69,14 @@ class Histogram implements Panel {
     const isCursors = choice.range === "cursors" && actions.cursorTime() !== undefined && measure.peek() !== undefined;
     const [t0, t1] = rangeOf(choice, actions.cursorTime(), measure.peek(), actions.rightEdge(), view.span);
     const of = `${JSON.stringify(choice)} ${wanted.map(({ how }) => `${how?.word} ${how?.part} ${how?.factor}`).join()}`;
-    const when = view.live && !isCursors ? `${Math.floor(now / LIVE_MS)} ${view.span}` : `${t0} ${t1}`;
-    const question = `${of} ${view.timeBase} ${when}`;
-    if (lost === undefined)
-      this.#latest.want(question, now, (stop) =>
-        ask(source, { t0, t1, base: view.timeBase }, wanted as readonly Asked[], choice, of, stop),
-      );
-    const { held, problem } = this.#latest;
-    this.#set({
-      answered: held?.answer.of === of ? held.answer : undefined,
-      isOld: held?.question !== question && !view.live,
-      problem: lost ? TEXT.frameUnknown(lost.channel.info.title || lost.channel.info.name) : problem?.message,
-    });
-  }
-
-  #set(next: State): void {
-    const now = this.#state.peek();
-    if (now.answered !== next.answered || now.isOld !== next.isOld || now.problem !== next.problem)
-      this.#state.value = next;
+    const isMoving = !isCursors && (view.live || (recording?.rate() ?? 0) > 0);
+    const question = `${source.id} ${of} ${view.timeBase} ${isMoving ? view.span : `${t0} ${t1}`}`;
+    this.#question.value = question;
+    this.#lost.value = lost ? TEXT.frameUnknown(lost.channel.info.title || lost.channel.info.name) : "";
+    if (lost !== undefined) return;
+    const range = { t0, t1, base: view.timeBase };
+    const turn = isMoving ? String(Math.floor(now / LIVE_MS)) : "";
+    this.#latest.want(question, now, (stop) => ask(source, range, wanted as readonly Asked[], choice, stop), turn);
   }
 
   dispose(): void {
@@ -111,7 +95,6 @@ async function ask(
   range: Pick<AnalysisRequest, "t0" | "t1" | "base">,
   wanted: readonly Asked[],
   { bins, within }: HistogramChoice,
-  of: string,
   stop: AbortSignal,
 ) {
   const words = [...new Map(wanted.map(({ how }) => [how.word, how])).values()];
@@ -135,11 +118,17 @@ async function ask(
     return [{ name: column.label || column.name, colour: colourOf(column.name, k), bins: binsOf(figures, how) }];
   });
   const unit = wanted[0] ? unitOf(wanted[0].found) : "";
-  return { ok: true as const, value: { of, shown, unit } };
+  return { ok: true as const, value: { shown, unit } };
 }
 
-function View({ deps, state }: { readonly deps: Deps; readonly state: Signal<State> }) {
-  const { answered, isOld, problem } = state.value;
+interface ViewProps {
+  readonly deps: Deps;
+  readonly latest: LatestAnswer<Content>;
+  readonly question: Signal<string>;
+  readonly lost: Signal<string>;
+}
+
+function View({ deps, latest, question, lost }: ViewProps) {
   const { viewState, store } = deps;
   void [store.channels.value, viewState.device.value];
   const choice = viewState.histogram.value;
@@ -149,25 +138,28 @@ function View({ deps, state }: { readonly deps: Deps; readonly state: Signal<Sta
   return (
     <>
       <HistogramTools viewState={viewState} channels={channels} channel={channel} />
-      {answered && answered.shown.length > 0 ? (
-        <>
-          <HistogramChart
-            shown={answered.shown}
-            unit={answered.unit}
-            isDensity={choice.scale === "density"}
-            hasCurve={choice.noCurve !== true}
-            isOld={isOld}
-          />
-          <Figures answered={answered} />
-        </>
+      {lost.value !== "" ? (
+        <p class="foot-note dim">{lost}</p>
       ) : (
-        <p class="foot-note dim histogram-none">{problem !== undefined ? <Message text={problem} /> : TEXT.loading}</p>
+        <Answered of={latest.of(question.value)} waiting={<p class="foot-note dim">{TEXT.loading}</p>}>
+          {(answer) => (
+            <>
+              <HistogramChart
+                shown={answer.shown}
+                unit={answer.unit}
+                isDensity={choice.scale === "density"}
+                hasCurve={choice.noCurve !== true}
+              />
+              <Figures answered={answer} />
+            </>
+          )}
+        </Answered>
       )}
     </>
   );
 }
 
-function Figures({ answered: { shown, unit } }: { readonly answered: Answered }) {
+function Figures({ answered: { shown, unit } }: { readonly answered: Content }) {
   const notes = [...new Set(shown.flatMap(({ bins }) => bins.notes))];
   return (
     <div class="histogram-figures" role="group" aria-label={TEXT.table} tabIndex={0}>

@@ -4,7 +4,7 @@
  *     want(range, series) ── range stands still ──▶ POST /api/analysis/statistics ──▶ of(series)
  */
 import { inFrame } from "../../data/frames";
-import { LatestAnswer } from "../../measure/latest-answer";
+import { LatestAnswer } from "../../requests/latest-answer";
 import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/figure-source";
 import type { Series } from "../../data/view";
 import { type Outcome, type HttpProblem, request } from "../../requests/http";
@@ -54,6 +54,7 @@ interface Answered {
 
 export class ServerFigures {
   readonly #latest = new LatestAnswer<Answered>();
+  #question = "";
 
   /** @param ask another one in tests */
   constructor(
@@ -62,7 +63,7 @@ export class ServerFigures {
   ) {}
 
   get problem(): HttpProblem | undefined {
-    return this.#latest.problem;
+    return this.#latest.of(this.#question).problem;
   }
 
   /** Ask for these series over a range; call it repeatedly, `now` in ms. */
@@ -72,14 +73,16 @@ export class ServerFigures {
     if (words.length === 0) return;
     const question = `${keyOf(range)} ${words.map(({ word }) => word).join(" ")}`;
     this.#latest.want(question, now, (signal) => this.#fetch(words, range, signal));
+    this.#question = question;
   }
 
   /** Figures of a series over that range; undefined until known. */
   of(series: Series, range: MeasuredRange): RangeFigures | undefined {
     const wanted = wantedOf(series, this.source);
     if (wanted === undefined) return NO_FIGURES;
-    const held = this.#latest.held?.answer;
-    const found = held?.range === keyOf(range) ? held.answers.get(`${wanted.word} ${wanted.part}`) : undefined;
+    const { answer, isOld } = this.#latest.of(this.#question);
+    const held = isOld || answer?.range !== keyOf(range) ? undefined : answer;
+    const found = held?.answers.get(`${wanted.word} ${wanted.part}`);
     return found && displayed(found, wanted);
   }
 

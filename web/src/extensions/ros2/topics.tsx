@@ -4,8 +4,7 @@ import { Dialog } from "../../ui/controls/dialog";
 import { rate } from "../../ui/format/format";
 import { request } from "../../requests/http";
 import { Message } from "../../ui/controls/message";
-import { ProblemNote } from "../../requests/problem-note";
-import { usePolled } from "../../requests/use-polled";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import { fullName } from "../../wire/device-name";
 import type { MissingTopic, RosState, RosTopic } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
@@ -21,14 +20,13 @@ interface Props {
 }
 
 export function RosTopics({ device, onClose }: Props) {
-  const { state, problem, send } = usePolled("", ASK_EVERY_MS, () => request("GET /api/ros2"));
+  const topics = useAnswer(device.id, () => request("GET /api/ros2"), { everyMs: ASK_EVERY_MS });
   const flip = ({ key, enabled }: RosTopic): void =>
-    void send(request("PATCH /api/ros2/topics", { body: { key, enabled: !enabled } }));
+    void topics.send(request("PATCH /api/ros2/topics", { body: { key, enabled: !enabled } }));
   return (
     <Dialog title={TEXT.topicsOf(fullName(device))} onClose={onClose}>
       <div class="ros-topics stacked">
-        {state.value && <State state={state.value} device={device.id} flip={flip} />}
-        {problem.value && <ProblemNote problem={problem.value} />}
+        <Answered of={topics}>{(state) => <State state={state} device={device.id} flip={flip} />}</Answered>
       </div>
     </Dialog>
   );

@@ -1,13 +1,12 @@
 /** The programs that share the port of a device: who is there, who talks, what was lost; shares are added and ended. */
-import { type Signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import { bytes } from "../../recordings/library-filter";
 import { Button } from "../../ui/controls/button";
 import { Segmented } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
 import { clock } from "../../ui/format/format";
 import { type Outcome, request } from "../../requests/http";
-import { ProblemNote } from "../../requests/problem-note";
-import { usePolled } from "../../requests/use-polled";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import { fullName } from "../../wire/device-name";
 import type { PortShare, SettingsChange, SharedPort, ShareClient } from "../../wire/routes";
 import type { DeviceInfo } from "../../wire/types";
@@ -23,7 +22,7 @@ const KINDS: readonly Kind[] = ["pty", "tcp", "udp"];
 const FIRST_PORT = 4001;
 
 interface State {
-  readonly port: Signal<SharedPort | undefined>;
+  readonly port: SharedPort;
   /** Sends a request; its answer is the new state, or a problem. */
   readonly send: (request: Promise<Outcome<SharedPort>>) => Promise<boolean>;
   readonly device: string;
@@ -38,24 +37,30 @@ interface Props {
 export function SharePort({ device, onClose }: Props) {
   const { id } = device;
   const path = { device: id };
-  const polled = usePolled(id, ASK_EVERY_MS, () => request("GET /api/devices/{device}/shares", { path }));
-  const { state: port, problem } = polled;
-  const state: State = { port, send: polled.send, device: id };
-  const shares = port.value?.shares ?? [];
+  const asked = useAnswer(id, () => request("GET /api/devices/{device}/shares", { path }), {
+    everyMs: ASK_EVERY_MS,
+  });
   return (
     <Dialog title={TEXT.sharePortOf(fullName(device))} onClose={onClose}>
       <div class="port-shares stacked">
         <p>{TEXT.shareIntro}</p>
-        {port.value && shares.length > 0 && <Speaker port={port.value} state={state} />}
-        {port.value && shares.length === 0 && <p class="dim">{port.value.why_not || TEXT.notShared}</p>}
-        {shares.map((share) => (
-          <Share key={share.name} share={share} state={state} />
-        ))}
-        {port.value && port.value.changes.length > 0 && <Changes changes={port.value.changes} />}
-        {port.value && port.value.why_not === "" && <AddShare state={state} />}
-        {problem.value && <ProblemNote problem={problem.value} />}
+        <Answered of={asked}>{(port) => <Port port={port} state={{ port, send: asked.send, device: id }} />}</Answered>
       </div>
     </Dialog>
+  );
+}
+
+function Port({ port, state }: { readonly port: SharedPort; readonly state: State }) {
+  const { shares } = port;
+  return (
+    <>
+      {shares.length > 0 ? <Speaker port={port} state={state} /> : <p class="dim">{port.why_not || TEXT.notShared}</p>}
+      {shares.map((share) => (
+        <Share key={share.name} share={share} state={state} />
+      ))}
+      {port.changes.length > 0 && <Changes changes={port.changes} />}
+      {port.why_not === "" && <AddShare state={state} />}
+    </>
   );
 }
 
@@ -211,8 +216,8 @@ function AddShare({ state }: { readonly state: State }) {
   const typed = useSignal<string | undefined>(undefined);
   const readOnly = useSignal(false);
   const busy = useSignal(false);
-  const names = new Set(state.port.value?.shares.map(({ name }) => name));
-  const address = typed.value ?? proposal(kind.value, state.port.value?.folder ?? "", names);
+  const names = new Set(state.port.shares.map(({ name }) => name));
+  const address = typed.value ?? proposal(kind.value, state.port.folder, names);
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
     if (address.trim() === "" || busy.value) return;

@@ -5,7 +5,7 @@ import { type HttpProblem, request } from "../../requests/http";
 import { Message } from "../../ui/controls/message";
 import { serverRoot, socketUrl } from "../../requests/server-place";
 import { theme } from "../../ui/dom/theme";
-import { usePolled } from "../../requests/use-polled";
+import { useAnswer } from "../../requests/use-answer";
 import { Frame } from "../../views/frame";
 import { headNews, type SentHead } from "./viewer-sync";
 import { TEXT } from "./texts";
@@ -34,8 +34,8 @@ function Waiting({ problem }: { readonly problem: HttpProblem | undefined }) {
 
 /** A live scene: requested first, so that a refusal is reported in our words. */
 export function Begun({ device }: { readonly device: string }) {
-  const { state, problem } = usePolled("", undefined, () => request("GET /api/views/scene", { query: { device } }));
-  return state.value === undefined ? <Waiting problem={problem.value} /> : <Scene address={state.value.address} />;
+  const { answer, isOld, problem } = useAnswer(device, () => request("GET /api/views/scene", { query: { device } }));
+  return answer === undefined || isOld ? <Waiting problem={problem} /> : <Scene address={answer.address} />;
 }
 
 /** What a scene of a recording follows. */

@@ -1,6 +1,6 @@
 /** Pairs from the server, for a range of which the page holds only some of the samples. */
 import { inFrame } from "../../data/frames";
-import { LatestAnswer } from "../../measure/latest-answer";
+import { LatestAnswer } from "../../requests/latest-answer";
 import { type FigureSource, type MeasuredRange, type Wanted, wantedOf } from "../../measure/figure-source";
 import { type Found, unitOf } from "../../signals/custom-plots";
 import { type Outcome, type HttpProblem, request } from "../../requests/http";
@@ -29,7 +29,7 @@ export class ServerPairs {
   readonly #source: FigureSource;
   readonly #ask: Ask;
   readonly #latest = new LatestAnswer<{ readonly signals: string; readonly pairs: Pairs }>();
-  #refused: Pick<HttpProblem, "message"> | undefined;
+  #problem: Pick<HttpProblem, "message"> | undefined;
 
   constructor(source: FigureSource, ask: Ask = askServer) {
     this.#source = source;
@@ -37,7 +37,7 @@ export class ServerPairs {
   }
 
   get problem(): Pick<HttpProblem, "message"> | undefined {
-    return this.#refused ?? this.#latest.problem;
+    return this.#problem;
   }
 
   /** The newest pairs of these signals, and whether they are those of the range; asks for them. `now` in ms. */
@@ -45,11 +45,11 @@ export class ServerPairs {
     const question = stampOf(wanted);
     const [x, y] = [wantedOf(wanted.x, this.#source), wantedOf(wanted.y, this.#source)];
     const unknown = x === undefined ? wanted.x : y === undefined ? wanted.y : undefined;
-    this.#refused = unknown && { message: TEXT.frameUnknown(signalName(unknown)) };
     if (x && y) this.#latest.want(question, now, (signal) => this.#request(wanted, x, y, signal));
-    const { held } = this.#latest;
-    if (held?.answer.signals !== signalsOf(wanted)) return undefined;
-    return { pairs: held.answer.pairs, isNewest: held.question === question };
+    const { answer, isOld, problem } = this.#latest.of(question);
+    this.#problem = unknown ? { message: TEXT.frameUnknown(signalName(unknown)) } : problem;
+    // the axes are those of the signals as of now
+    return answer?.signals === signalsOf(wanted) ? { pairs: answer.pairs, isNewest: !isOld } : undefined;
   }
 
   dispose(): void {

@@ -12,6 +12,7 @@ import { route } from "../../page/route";
 import type { Model } from "./model";
 import { Slot } from "../../extension/extension";
 import { configureApi } from "./api";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import { sideRef, type SideName, snapshotTitle } from "./sides";
 import { SnapshotActs } from "./snapshot";
 import { goTo } from "./view-state";
@@ -43,8 +44,8 @@ export interface ComparisonActionProps {
 }
 
 export function Compare({ model, store }: { readonly model: Model; readonly store: Store }) {
-  const difference = useSignal<Difference | undefined>(undefined);
-  const why = useSignal("");
+  /** Why a file was not taken. */
+  const refused = useSignal("");
   const take = useSignal(BY_DEFAULT);
   const left = model.left.value;
   const right =
@@ -53,31 +54,13 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
   const taken = model.body.value?.info.taken;
   useEffect(() => {
     take.value = BY_DEFAULT;
+    refused.value = "";
   }, [model, left, right, file]);
-  useEffect(() => {
-    difference.value = undefined;
-  }, [model, left, right, taken, file]);
-  useEffect(() => {
-    let stale = false;
-    why.value = "";
-    if (right === "~file" && !file) why.value = TEXT.chooseFile;
-    else if ((left === "device" || right === "device") && !model.isRead.value) why.value = TEXT.deviceNotRead;
-    else {
-      const sides = {
-        left: sideRef(left, file?.text ?? ""),
-        right: sideRef(right, file?.text ?? ""),
-        take: take.value,
-      };
-      void configureApi.compare(model.id, sides).then((answer) => {
-        if (stale) return;
-        if (answer.ok) difference.value = answer.value;
-        else why.value = `${answer.problem.message} ${answer.problem.hint}`;
-      });
-    }
-    return () => {
-      stale = true;
-    };
-  }, [model, left, right, taken, file, take.value, model.loads.value]);
+  const isUnread = (left === "device" || right === "device") && !model.isRead.value;
+  const why = right === "~file" && !file ? TEXT.chooseFile : isUnread ? TEXT.deviceNotRead : refused.value;
+  const sides = { left: sideRef(left, file?.text ?? ""), right: sideRef(right, file?.text ?? ""), take: take.value };
+  const question = why ? "" : JSON.stringify([model.id, taken, model.loads.value, sides]);
+  const difference = useAnswer(question, () => configureApi.compare(model.id, sides));
   const others = store.devices.value.filter(
     ({ id, protocol }) => id !== model.id && protocol === model.device.value?.protocol,
   );
@@ -99,30 +82,34 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
           side={right}
           choose={(side) => goTo(model, "compare", side)}
         />
-        <FilePicker model={model} refuse={(words) => (why.value = words)} />
+        <FilePicker model={model} refuse={(words) => (refused.value = words)} />
       </div>
       {model.snapshots.value.some(({ name }) => name === right) && <SnapshotActs model={model} name={right} />}
-      {why.value && (
+      {why && (
         <p class="hint inset" role="status">
-          <Message text={why.value} />
+          <Message text={why} />
         </p>
       )}
-      {difference.value && <Problems found={difference.value} />}
-      {difference.value && <Table found={difference.value} take={take} disabled={isViewOnly.value} />}
-      {difference.value && (
-        <Slot
-          key={`${model.id} ${right} ${file?.name ?? ""}`}
-          name="comparisonActions"
-          with={{
-            model,
-            store,
-            others,
-            side: right,
-            take: take.value,
-            title: titleHere(model, right) ?? difference.value.right,
-          }}
-        />
-      )}
+      <Answered of={difference}>
+        {(found) => (
+          <>
+            <Problems found={found} />
+            <Table found={found} take={take} disabled={isViewOnly.value} />
+            <Slot
+              key={`${model.id} ${right} ${file?.name ?? ""}`}
+              name="comparisonActions"
+              with={{
+                model,
+                store,
+                others,
+                side: right,
+                take: take.value,
+                title: titleHere(model, right) ?? found.right,
+              }}
+            />
+          </>
+        )}
+      </Answered>
     </section>
   );
 }

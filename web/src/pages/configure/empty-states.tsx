@@ -10,7 +10,7 @@ import { Card } from "../../ui/controls/card";
 import { clock, NONE } from "../../ui/format/format";
 import { request } from "../../requests/http";
 import { Message } from "../../ui/controls/message";
-import { usePolled } from "../../requests/use-polled";
+import { useAnswer } from "../../requests/use-answer";
 import { isViewOnly } from "../../wire/capabilities";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/configure";
@@ -25,8 +25,10 @@ const ASK_EVERY_MS = 1000;
 /** Programs that have the shared port of the device open. */
 function useOtherPrograms(model: Model): readonly string[] {
   const path = { device: model.id };
-  const { state } = usePolled(model.id, ASK_EVERY_MS, () => request("GET /api/devices/{device}/shares", { path }));
-  const clients = state.value?.shares.flatMap((share) => share.clients) ?? [];
+  const { answer } = useAnswer(model.id, () => request("GET /api/devices/{device}/shares", { path }), {
+    everyMs: ASK_EVERY_MS,
+  });
+  const clients = answer?.shares.flatMap((share) => share.clients) ?? [];
   return [...new Set(clients.map(({ name }) => name))];
 }
 

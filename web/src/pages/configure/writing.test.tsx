@@ -212,7 +212,7 @@ test("a comparison that failed while the server was away is made once it is back
     place: "compare/~factory",
     answers: { "POST /api/devices/1/compare": () => (isAway ? new Response("", { status: 502 }) : same) },
   });
-  await waitFor(() => expect(find(".compare [role=status]").textContent).toContain("502"));
+  await waitFor(() => expect(find(".compare [role=alert]").textContent).toContain("502"));
   isAway = false;
   page.store.receive({ kind: "connection", state: "closed", nextTry: undefined });
   page.store.receive({ kind: "connection", state: "open", nextTry: undefined });

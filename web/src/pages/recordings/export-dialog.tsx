@@ -1,15 +1,15 @@
 /** Export dialog: range, format, channels; duration and size are shown before anything is written. */
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { bytes, length, recordingTitle } from "../../recordings/library-filter";
 import { recordingsApi } from "../../recordings/api";
 import type { ExportSizes, RecordingDetail, RecordingInfo } from "../../wire/recording-types";
 import { Button } from "../../ui/controls/button";
-import { Select } from "../../ui/controls/choices";
+import { Segmented, Select } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
 import { span } from "../../ui/format/format";
 import type { HttpProblem } from "../../requests/http";
 import { ProblemNote } from "../../requests/problem-note";
+import { useAnswer } from "../../requests/use-answer";
 import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
 import type { App } from "../../page/context";
@@ -65,21 +65,13 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
     <Dialog title={TEXT.exportRecording(recordingTitle(info))} onClose={() => (exportingOf(app).value = undefined)}>
       <div class="export">
         {ranges.length > 0 && (
-          <div class="segmented full-width" role="group" aria-label={TEXT.part}>
-            <button type="button" aria-pressed={range.value === undefined} onClick={() => (range.value = undefined)}>
-              {TEXT.whole}
-            </button>
-            {ranges.map((one) => (
-              <button
-                type="button"
-                key={one.name}
-                aria-pressed={range.value?.name === one.name}
-                onClick={() => (range.value = one)}
-              >
-                {one.name}
-              </button>
-            ))}
-          </div>
+          <Segmented
+            label={TEXT.part}
+            class="full-width"
+            value={range.value?.name ?? ""}
+            options={[["", TEXT.whole], ...ranges.map(({ name }) => [name, name] as const)]}
+            onChoose={(name) => (range.value = ranges.find((one) => one.name === name))}
+          />
         )}
         <p class="dim">
           {range.value
@@ -134,27 +126,13 @@ function useMeasured(
   range: ExportRange | undefined,
   channels: readonly number[] | undefined,
 ): ExportSizes | undefined {
-  const found = useSignal<{ readonly key: string; readonly sizes: ExportSizes } | undefined>(undefined);
   const selection = { t0: range?.t0 ?? null, t1: range?.t1 ?? null, channels: channels ?? null, base };
-  const key = JSON.stringify(selection);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the key stands for all that is asked
-  useEffect(() => {
-    if ((!info.opened && detail === undefined) || channels?.length === 0) return;
-    let over = false;
-    const timer = setTimeout(
-      () => {
-        void recordingsApi.exportSizes(info.id, selection).then((answer) => {
-          if (!over && answer.ok) found.value = { key, sizes: answer.value };
-        });
-      },
-      found.peek() === undefined ? 0 : MEASURE_AFTER_MS,
-    );
-    return () => {
-      over = true;
-      clearTimeout(timer);
-    };
-  }, [info.id, info.opened, key]);
-  return found.value?.key === key ? found.value.sizes : undefined;
+  const canAsk = (info.opened || detail !== undefined) && channels?.length !== 0;
+  const question = canAsk ? JSON.stringify([info.id, selection]) : "";
+  const found = useAnswer(question, () => recordingsApi.exportSizes(info.id, selection), {
+    typedMs: MEASURE_AFTER_MS,
+  });
+  return found.isOld ? undefined : found.answer;
 }
 
 function lengthWords(seconds: number): string {

@@ -52,7 +52,7 @@ export function openRecording(replay: ReplayController, app: App, before?: OpenR
       ...replay.deps,
       open: { ...app.open, packet },
       eventSort: app.eventSort,
-      recording: { id: replay.detail.info.id, rate: () => (replay.playing.peek() ? replay.speed.peek() : 0) },
+      recording: { id: replay.detail.info.id, rate: () => (replay.playing.value ? replay.speed.value : 0) },
     },
     placing: signal(undefined),
     said: before?.said ?? signal(""),

@@ -6,12 +6,11 @@ import { IconButton } from "../../../ui/controls/icon-button";
 import { Icon } from "../../../ui/controls/icons";
 import { usePhone } from "../../../ui/controls/use-phone";
 import { figure } from "../../../charts/axes";
-import { boundsOf, type CompareModel, isLive, momentsOf, comparedNames, sourceTitle } from "./model";
-import type { ComparePlace, SideChoice } from "./sides";
+import { boundsOf, type CompareModel, type Ready, isLive, momentsOf, comparedNames, sourceTitle } from "./model";
+import type { SideChoice } from "./sides";
 import { listName } from "../../../wire/device-name";
 import { TEXT } from "./texts";
 
-type Ready = ComparePlace & { readonly b: SideChoice };
 const LENGTHS = [10, 30, 60, 300];
 
 interface Props {
@@ -218,9 +217,9 @@ function Field({ label, id, names, value, set }: FieldProps) {
 }
 
 function Alignment({ model, wanted, correlate }: Props) {
-  const { place, answer, busy, aligned } = model;
+  const { place, shown, correlating, aligned } = model;
   const isEvents = useSignal(false);
-  const offset = wanted.offset ?? answer.value?.offset ?? 0;
+  const offset = wanted.offset ?? shown.value.answer?.offset ?? 0;
   const set = (next: number | undefined): void => {
     aligned.value = undefined;
     const { offset: _, ...rest } = wanted;
@@ -251,8 +250,8 @@ function Alignment({ model, wanted, correlate }: Props) {
       <Button
         look="main"
         icon="wand"
-        words={busy.value === "correlating" ? TEXT.correlating : TEXT.byCorrelation}
-        disabled={busy.value === "correlating"}
+        words={correlating.value ? TEXT.correlating : TEXT.byCorrelation}
+        disabled={correlating.value}
         onClick={correlate}
       />
       <label class="labelled compare-offset" title={TEXT.offsetHint}>

@@ -1,12 +1,14 @@
 /** State of one comparison page: the place, what the sources hold, and the server's last answer. */
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
 import { signalNames } from "../figures";
+import { likeNames } from "../proposals";
 import type { Channel } from "../../../data/channels";
 import { isOpening, recordingsApi } from "../../../recordings/api";
 import { recordingTitle } from "../../../recordings/library-filter";
 import { listName } from "../../../wire/device-name";
 import type { RecordingDetail, RecordingInfo } from "../../../wire/recording-types";
 import { type HttpProblem, request } from "../../../requests/http";
+import { LatestAnswer, type Shown } from "../../../requests/latest-answer";
 import type { ComparedSide, ComparisonAnswer, ComparisonRequest } from "../../../wire/routes";
 import type { App } from "../../../page/context";
 import { type ComparePlace, likelyOther, readComparison, requestedSide, type SideChoice } from "./sides";
@@ -20,20 +22,25 @@ interface Moment {
   readonly text: string;
 }
 
+export type Ready = ComparePlace & { readonly b: SideChoice };
+
 export interface CompareModel {
   readonly app: App;
   readonly place: Signal<ComparePlace>;
   readonly recordings: Signal<readonly RecordingInfo[] | undefined>;
   readonly details: Signal<ReadonlyMap<string, RecordingDetail>>;
-  readonly answer: Signal<ComparisonAnswer | undefined>;
+  readonly latest: LatestAnswer<ComparisonAnswer>;
+  /** The result of the place, or why there is none. */
+  readonly shown: ReadonlySignal<Shown<ComparisonAnswer>>;
+  /** Why a source is missing, or no offset could be found. */
   readonly problem: Signal<HttpProblem | undefined>;
-  readonly busy: Signal<"" | "computing" | "correlating">;
+  readonly correlating: Signal<boolean>;
   /** Of the offset, while it is the one that was correlated. */
   readonly aligned: Signal<ComparisonAnswer | undefined>;
   /** s that B is being dragged by. */
   readonly dragged: Signal<number>;
   /** Place with a B, once the sources are known. */
-  readonly ready: ReadonlySignal<(ComparePlace & { readonly b: SideChoice }) | undefined>;
+  readonly ready: ReadonlySignal<Ready | undefined>;
 }
 
 export function compareModel(app: App, query: string): CompareModel {
@@ -51,15 +58,17 @@ export function compareModel(app: App, query: string): CompareModel {
     if (!isKnown) return undefined;
     return { ...rest, ...sides, ...(rest.signal ? {} : likelySignals(app, details.value, sides)) };
   });
+  const latest = new LatestAnswer<ComparisonAnswer>();
   return {
     app,
     place,
     recordings,
     details,
     ready,
-    answer: signal(undefined),
+    latest,
+    shown: computed(() => latest.of(JSON.stringify(ready.value))),
     problem: signal(undefined),
-    busy: signal(""),
+    correlating: signal(false),
     aligned: signal(undefined),
     dragged: signal(0),
   };
@@ -111,6 +120,21 @@ function likelySignals(
   const [own, others] = [comparedNames(app, details, a), comparedNames(app, details, b)];
   const [first = ""] = own;
   return { signal: first, signalB: others.includes(first) ? "" : (others[0] ?? "") };
+}
+
+/** The side without the compared signal, and what it has instead. */
+export function missingSide({ app, details }: CompareModel, { a, b, signal: name }: Ready) {
+  const channelsOf = ({ source, device }: SideChoice): readonly Channel[] => {
+    if (isLive(app, source)) return app.store.channels.value.filter(({ info }) => info.device === source);
+    const { channels = [], devices = [] } = details.value.get(source) ?? {};
+    const own = device || devices[0]?.id;
+    return channels.filter((info) => info.device === own).map((info) => ({ info }) as Channel);
+  };
+  const has = channelsOf(a).some(({ info }) => name === info.name || name.startsWith(`${info.name}.`));
+  const [side, lacking, other] = has ? (["b", b, a] as const) : (["a", a, b] as const);
+  const mark = ({ info }: Channel): Channel => ({ info: { ...info, device: "" } }) as Channel; // ids of both may be the same
+  const own = channelsOf(lacking);
+  return { side, names: likeNames([name], own[0]?.info.device, [...channelsOf(other).map(mark), ...own]) };
 }
 
 /** Title of a source; of recordings with the same title the time at which each began, too. */
@@ -198,10 +222,7 @@ export function loadSources(model: CompareModel): () => void {
 }
 
 /** The request of a place; without an offset by the clock, or from the starts if the clocks do not overlap. */
-export function requestOf(
-  model: CompareModel,
-  { a, b, signal: name, signalB, offset }: ComparePlace & { readonly b: SideChoice },
-): ComparisonRequest {
+export function requestOf(model: CompareModel, { a, b, signal: name, signalB, offset }: Ready): ComparisonRequest {
   const { store } = model.app;
   const asked = (side: SideChoice): ComparedSide => requestedSide(side, store.edgeOf(side.source));
   const [first, second] = [asked(a), asked(b)];
@@ -222,24 +243,31 @@ export function requestOf(
   };
 }
 
-/** Asks for the comparison; `align`: at the offset that correlates best, which becomes the place's. */
-export async function compareNow(model: CompareModel, signal_: AbortSignal, align = false): Promise<void> {
-  const { ready, answer, problem, busy, place, aligned } = model;
+/** Asks for the comparison. */
+export async function compareNow(model: CompareModel, over: AbortSignal): Promise<void> {
+  const wanted = model.ready.peek();
+  if (!wanted?.signal) return;
+  const outcome = await request("POST /api/comparison", { body: requestOf(model, wanted), signal: over });
+  if (!over.aborted) model.latest.take(JSON.stringify(wanted), outcome);
+}
+
+/** Moves B to the offset that correlates best, unless the user chooses others meanwhile. */
+export async function correlate(model: CompareModel): Promise<void> {
+  const { ready, latest, problem, correlating, place, aligned } = model;
   const [wanted, before] = [ready.peek(), place.peek()];
   if (!wanted?.signal) return;
-  busy.value = align ? "correlating" : "computing";
+  correlating.value = true;
+  problem.value = undefined;
   const body = requestOf(model, wanted);
   const outcome = await request("POST /api/comparison", {
-    body: align ? { ...body, align: "correlation", offset: 0, search: null } : body,
-    signal: signal_,
+    body: { ...body, align: "correlation", offset: 0, search: null },
   });
-  if (signal_.aborted) return;
-  busy.value = "";
-  if (align && place.peek() !== before) return compareNow(model, signal_); // the user has chosen others since
-  problem.value = outcome.ok ? undefined : outcome.problem;
-  if (!outcome.ok) return;
-  answer.value = outcome.value;
-  if (!align) return;
+  correlating.value = false;
+  if (place.peek() !== before) return;
+  if (!outcome.ok) {
+    problem.value = outcome.problem;
+    return;
+  }
   aligned.value = outcome.value;
   const isOneLive = (wanted.a.last === undefined) !== (wanted.b.last === undefined);
   // beside a recording the aligned range of a live device stays in sight; two live devices go on together
@@ -253,4 +281,5 @@ export async function compareNow(model: CompareModel, signal_: AbortSignal, alig
     b: hold(wanted.b, body.b),
     offset: outcome.value.offset,
   };
+  latest.take(JSON.stringify(ready.peek()), outcome);
 }

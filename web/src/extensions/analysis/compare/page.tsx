@@ -11,12 +11,23 @@ import { Button } from "../../../ui/controls/button";
 import { copyText } from "../../../ui/dom/copy";
 import { Message } from "../../../ui/controls/message";
 import { ProblemNote } from "../../../requests/problem-note";
+import { Answered } from "../../../requests/use-answer";
+import { Proposals } from "../proposals";
 import type { ComparedSignal, ComparisonAnswer } from "../../../wire/routes";
 import { Controls } from "./controls";
-import { compareModel, type CompareModel, compareNow, loadSources, unknownSources } from "./model";
+import {
+  compareModel,
+  type CompareModel,
+  compareNow,
+  correlate,
+  loadSources,
+  missingSide,
+  type Ready,
+  unknownSources,
+} from "./model";
 import { OverlayChart, type Trace } from "./overlay-chart";
 import { Settings, Spectra, Statistics } from "./results";
-import { type ComparePlace, comparisonHref, readComparison, type SideChoice } from "./sides";
+import { comparisonHref, readComparison } from "./sides";
 import { TEXT } from "./texts";
 import "../analysis.css";
 import type { Ends } from "./zoom";
@@ -59,7 +70,7 @@ export function CompareMain({ app }: { readonly app: App }) {
 }
 
 function Comparison({ model }: { readonly model: CompareModel }) {
-  const { ready, answer, problem, busy, place, dragged } = model;
+  const { ready, shown, latest, problem, correlating, place, dragged } = model;
   useSignalEffect(() => {
     const wanted = ready.value;
     if (!wanted) return undefined;
@@ -67,10 +78,10 @@ function Comparison({ model }: { readonly model: CompareModel }) {
     let timer: ReturnType<typeof setTimeout> | undefined;
     const isMoving = [wanted.a, wanted.b].some(({ last }) => last !== undefined);
     const ask = async (): Promise<void> => {
-      if (dragged.peek() === 0 && busy.peek() !== "correlating") await compareNow(model, cancel.signal);
+      if (dragged.peek() === 0 && !correlating.peek()) await compareNow(model, cancel.signal);
       if (isMoving && !cancel.signal.aborted) timer = setTimeout(() => void ask(), LIVE_MS);
     };
-    timer = setTimeout(() => void ask(), answer.peek() === undefined ? 0 : CHANGED_MS);
+    timer = setTimeout(() => void ask(), latest.isEmpty ? 0 : CHANGED_MS);
     return () => {
       clearTimeout(timer);
       cancel.abort();
@@ -83,32 +94,44 @@ function Comparison({ model }: { readonly model: CompareModel }) {
     if (unknown !== undefined) return <p role="status">{TEXT.unknown(unknown)}</p>;
     return <p aria-busy="true">{TEXT.opening}</p>;
   }
-  const offset = wanted.offset ?? answer.value?.offset ?? 0;
+  const offset = wanted.offset ?? shown.value.answer?.offset ?? 0;
   const move = (seconds: number, isDone: boolean): void => {
     dragged.value = isDone ? 0 : seconds;
     if (!isDone || seconds === 0) return;
     model.aligned.value = undefined;
-    if (answer.value) answer.value = { ...answer.value, offset: offset + seconds };
     place.value = { ...wanted, offset: Number((offset + seconds).toFixed(6)) };
   };
-  const correlate = (): void => void compareNow(model, new AbortController().signal, true);
   return (
     <>
-      <Controls model={model} wanted={wanted} correlate={correlate} />
+      <Controls model={model} wanted={wanted} correlate={() => void correlate(model)} />
       <Status model={model} />
       {problem.value && <ProblemNote problem={problem.value} />}
-      {answer.value && (
-        <>
-          <Charts answer={answer.value} move={move} dragged={dragged.value} />
-          <Notes answer={answer.value} />
-          <Statistics signals={answer.value.signals} />
-          <Spectra model={model} wanted={wanted} />
-          <Settings wanted={wanted} />
-        </>
-      )}
-      {!answer.value && !problem.value && <p aria-busy="true">{TEXT.computing}</p>}
+      <Answered
+        of={shown.value}
+        waiting={<p aria-busy="true">{TEXT.computing}</p>}
+        instead={({ kind }) => kind === "not-found" && <Instead model={model} wanted={wanted} />}
+      >
+        {(answer) => (
+          <>
+            <Charts answer={{ ...answer, offset }} move={move} dragged={dragged.value} />
+            <Notes answer={answer} />
+            <Statistics signals={answer.signals} />
+            <Spectra model={model} wanted={wanted} />
+            <Settings wanted={wanted} />
+          </>
+        )}
+      </Answered>
     </>
   );
+}
+
+/** Signals of the side that has not what is compared. */
+function Instead({ model, wanted }: { readonly model: CompareModel; readonly wanted: Ready }) {
+  const lacks = missingSide(model, wanted);
+  const choose = (name: string): void => {
+    model.place.value = { ...wanted, ...(lacks.side === "a" ? { signal: name } : { signalB: name }) };
+  };
+  return <Proposals names={lacks.names} choose={choose} />;
 }
 
 /** The uncertainty of the offset, and the link. */
@@ -229,17 +252,16 @@ function Notes({ answer: { notes, signals } }: { readonly answer: ComparisonAnsw
 }
 
 /** Keeps the address up to date, and follows a link that is opened over it. */
-function followAddress({ place, answer, ready }: CompareModel): () => void {
+function followAddress({ place, ready }: CompareModel): () => void {
   let ours = location.hash;
   const stops = [
     ready.subscribe((wanted) => {
       if (!wanted) return;
-      ours = comparisonHref(wanted as ComparePlace & { b: SideChoice });
+      ours = comparisonHref(wanted);
       if (location.hash !== ours) history.replaceState(null, "", ours);
     }),
     route.subscribe(({ query }) => {
       if (location.hash === ours || !/(^|&)a=/.test(query ?? "")) return;
-      answer.value = undefined;
       place.value = readComparison(query ?? "");
     }),
   ];

@@ -4,16 +4,13 @@ import { figure } from "../../../charts/axes";
 import { type ChartCurve, type CurveNumbers, FigureChart } from "../chart";
 import { request } from "../../../requests/http";
 import { Message } from "../../../ui/controls/message";
-import { ProblemNote } from "../../../requests/problem-note";
-import { usePolled } from "../../../requests/use-polled";
-import type { ComparedSignal, SignalFigures } from "../../../wire/routes";
-import { type CompareModel, requestOf } from "./model";
-import type { ComparePlace, SideChoice } from "./sides";
+import { Answered, useAnswer } from "../../../requests/use-answer";
+import type { ComparedSignal, Routes, SignalFigures } from "../../../wire/routes";
+import { type CompareModel, type Ready, requestOf } from "./model";
+import type { SideChoice } from "./sides";
 import { TableHead } from "../../../ui/controls/table-head";
 import { TEXT as ANALYSIS } from "../texts";
 import { TEXT } from "./texts";
-
-type Ready = ComparePlace & { readonly b: SideChoice };
 
 const FIGURES = ["mean", "sigma", "rms", "min", "max"] as const;
 const shown = (value: number | null | undefined, unit: string): string => `${figure(value)} ${unit}`.trim();
@@ -82,30 +79,29 @@ function BothSpectra({ model, wanted }: Props) {
     return request("POST /api/analysis/{name}", { path: { name: "psd" }, body, signal });
   };
   const key = JSON.stringify([wanted.a, wanted.b, signals, others]);
-  const found = usePolled<readonly SignalFigures[][]>(key, undefined, async (over) => {
+  const found = useAnswer<readonly SignalFigures[][]>(key, async (over) => {
     const both = [psd(a, signals, over), psd(b, others.length > 0 ? others : signals, over)] as const;
     const [first, second] = await Promise.all(both);
     if (!first.ok) return first;
     return second.ok ? { ok: true, value: [first.value, second.value] as SignalFigures[][] } : second;
   });
-  if (found.problem.value) return <ProblemNote problem={found.problem.value} />;
-  if (!found.state.value) return <p aria-busy="true">{TEXT.computing}</p>;
-  const [first, second] = found.state.value;
   return (
-    <>
-      {first?.map((one, i) => (
-        <FigureChart
-          key={one.signal}
-          label={ANALYSIS.chart(TEXT.spectra, one.signal)}
-          curves={[spectrum("A", "side-a", one), ...(second?.[i] ? [spectrum("B", "side-b", second[i])] : [])]}
-          xKind="log"
-          xTitle={ANALYSIS.frequency}
-          xUnit="Hz"
-          yTitle={one.signal}
-          yUnit={one.units["psd"] ?? ""}
-        />
-      ))}
-    </>
+    <Answered of={found} waiting={<p aria-busy="true">{TEXT.computing}</p>}>
+      {([first, second]) =>
+        first?.map((one, i) => (
+          <FigureChart
+            key={one.signal}
+            label={ANALYSIS.chart(TEXT.spectra, one.signal)}
+            curves={[spectrum("A", "side-a", one), ...(second?.[i] ? [spectrum("B", "side-b", second[i])] : [])]}
+            xKind="log"
+            xTitle={ANALYSIS.frequency}
+            xUnit="Hz"
+            yTitle={one.signal}
+            yUnit={one.units["psd"] ?? ""}
+          />
+        ))
+      }
+    </Answered>
   );
 }
 
@@ -120,21 +116,26 @@ export function Settings({ wanted }: { readonly wanted: Ready }) {
   return (
     <details onToggle={(event) => (isOpen.value = event.currentTarget.open)}>
       <summary>{TEXT.settings}</summary>
-      {isOpen.value && <SettingsDiff key={`${sideKey(wanted.a)} ${sideKey(wanted.b)}`} wanted={wanted} />}
+      {isOpen.value && <SettingsDiff wanted={wanted} />}
     </details>
   );
 }
-
-const sideKey = ({ source, device }: SideChoice): string => `${source}/${device}`;
 
 function SettingsDiff({ wanted }: { readonly wanted: Ready }) {
   const { a, b } = wanted;
   const whole = ({ source, device }: SideChoice) => ({ source, device, t0: null, t1: null });
   const body = { a: whole(a), b: whole(b) };
-  const found = usePolled("", undefined, (signal) => request("POST /api/comparison/settings", { body, signal }));
-  if (found.problem.value) return <ProblemNote problem={found.problem.value} />;
-  const difference = found.state.value;
-  if (!difference) return <p aria-busy="true">{TEXT.readingSettings}</p>;
+  const found = useAnswer(JSON.stringify(body), (signal) => request("POST /api/comparison/settings", { body, signal }));
+  return (
+    <Answered of={found} waiting={<p aria-busy="true">{TEXT.readingSettings}</p>}>
+      {(difference) => <SettingsTable difference={difference} />}
+    </Answered>
+  );
+}
+
+type SettingsDiffAnswer = Routes["POST /api/comparison/settings"]["answer"];
+
+function SettingsTable({ difference }: { readonly difference: SettingsDiffAnswer }) {
   const missing = Object.entries(difference.missing ?? {});
   return (
     <>

@@ -12,6 +12,7 @@ import { Help } from "../../../pages/help";
 import { Icon } from "../../../ui/controls/icons";
 import { Message } from "../../../ui/controls/message";
 import { request } from "../../../requests/http";
+import { Answered } from "../../../requests/use-answer";
 import type { QueryAnswer } from "../../../wire/routes";
 import { answerCsv, sorted, type Opening } from "./answer";
 import { AnswerHistogram, AnswerPlot } from "./chart";
@@ -42,7 +43,7 @@ export function QuestionsPage({ app }: { readonly app: App }) {
     if (text) state.sql.value = text;
   }, [state, query]);
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
-  const found = state.answer.value;
+  const shown = state.shown.value;
   return (
     <div class={`app plain questions ${offline ? "offline" : ""}`}>
       <a class="btn edge skip" href="#question">
@@ -56,7 +57,13 @@ export function QuestionsPage({ app }: { readonly app: App }) {
         <Sources state={state} />
         <QuestionEditor state={state} />
         <Actions app={app} state={state} />
-        {found ? <Answer app={app} state={state} answer={found} /> : <Start state={state} />}
+        {/* the problem stands beside the editor */}
+        <Answered
+          of={{ ...shown, problem: undefined }}
+          waiting={state.problem.value === undefined && <Start state={state} />}
+        >
+          {(found) => <Answer app={app} state={state} answer={found} />}
+        </Answered>
       </main>
       {app.overlay.value === "help" && <Help onClose={() => (app.overlay.value = undefined)} />}
     </div>
@@ -119,11 +126,11 @@ function Sources({ state }: { readonly state: Questions }) {
 }
 
 function Actions({ app, state }: { readonly app: App; readonly state: Questions }) {
-  const { running, problem, answer, notice, sql } = state;
+  const { running, problem, shown, notice, sql } = state;
   void app.tick.value; // the time that a question has run
   const now = running.value;
   const seconds = now ? ((performance.now() - now.since) / 1000).toFixed(0) : "";
-  const given = answer.value;
+  const given = shown.value.isOld ? undefined : shown.value.answer;
   const status = now
     ? now.before === undefined
       ? TEXT.running(seconds)
@@ -266,7 +273,7 @@ async function openRecording(app: App, state: Questions, { recording, at, isMinu
   const outcome = await request("POST /api/query/recordings/{recording}/fetch", { path: { recording } });
   state.notice.value = "";
   if (!outcome.ok) {
-    state.problem.value = outcome.problem;
+    state.failed.value = outcome.problem;
     return;
   }
   app.problem.value = undefined;

@@ -1,9 +1,10 @@
 /** State of the page of questions: the text, the question that runs, its answer, and what was asked before in this browser. */
-import { type Signal, signal } from "@preact/signals";
+import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
 import { perApp } from "../../../page/app-state";
 import type { App } from "../../../page/context";
 import { href } from "../../../page/route";
-import { request, respond, type HttpProblem, UNREACHED } from "../../../requests/http";
+import { request, respond, type HttpProblem, type Outcome, UNREACHED } from "../../../requests/http";
+import { LatestAnswer, type Shown } from "../../../requests/latest-answer";
 import type { PreparedQuestionInfo, QueryAnswer, QueryWords } from "../../../wire/routes";
 import type { Order } from "./answer";
 import { type ChartChoice, firstChoice, numbersOf } from "./chart-data";
@@ -25,8 +26,11 @@ export interface Questions {
   readonly words: Signal<QueryWords | undefined>;
   readonly history: Signal<readonly string[]>;
   readonly running: Signal<Running | undefined>;
-  readonly answer: Signal<QueryAnswer | undefined>;
-  readonly problem: Signal<HttpProblem | undefined>;
+  /** The answer to the text in the editor, or dimmed that to another one. */
+  readonly shown: ReadonlySignal<Shown<QueryAnswer>>;
+  /** Why the question was refused, or what was done besides. */
+  readonly problem: ReadonlySignal<HttpProblem | undefined>;
+  readonly failed: Signal<HttpProblem | undefined>;
   /** A sentence about the last action. */
   readonly notice: Signal<string>;
   readonly view: Signal<QuestionView>;
@@ -57,8 +61,11 @@ function createQuestions(): Questions {
   const words = signal<QueryWords | undefined>(undefined);
   const history = signal(readHistory());
   const running = signal<Running | undefined>(undefined);
-  const answer = signal<QueryAnswer | undefined>(undefined);
-  const problem = signal<HttpProblem | undefined>(undefined);
+  const latest = new LatestAnswer<QueryAnswer>();
+  const shown = computed(() => latest.of(sql.value.trim()));
+  let answered = "";
+  const failed = signal<HttpProblem | undefined>(undefined);
+  const problem = computed(() => failed.value ?? shown.value.problem);
   const notice = signal("");
   const view = signal<QuestionView>("table");
   const order = signal<Order | undefined>(undefined);
@@ -78,7 +85,6 @@ function createQuestions(): Questions {
   };
 
   const show = (found: QueryAnswer): void => {
-    answer.value = found;
     order.value = undefined;
     choice.value = firstChoice(found.columns, found.rows);
     column.value = numbersOf(found.columns)[0] ?? -1;
@@ -91,8 +97,9 @@ function createQuestions(): Questions {
     words,
     history,
     running,
-    answer,
+    shown,
     problem,
+    failed,
     notice,
     view,
     order,
@@ -105,7 +112,7 @@ function createQuestions(): Questions {
       if (words.peek()) return;
       const found = await request("GET /api/query/tables");
       if (found.ok) words.value = found.value;
-      else if (!problem.peek()) problem.value = found.problem;
+      else if (!problem.peek()) failed.value = found.problem;
     },
     async run() {
       const text = sql.peek().trim();
@@ -114,31 +121,33 @@ function createQuestions(): Questions {
       control = own;
       const since = performance.now();
       const id = `${Date.now()}-${Math.round(Math.random() * 1e9)}`;
-      [running.value, problem.value, notice.value] = [{ since, before: undefined }, undefined, ""];
+      [running.value, failed.value, notice.value] = [{ since, before: undefined }, undefined, ""];
       globalThis.history.replaceState(null, "", questionLink(text));
       follow(id, since, over.signal);
       const outcome = await request("POST /api/query", { body: { sql: text, rows: ROWS, id }, signal: own.signal });
       over.abort();
       running.value = undefined;
+      if (own.signal.aborted) return;
+      latest.take(text, outcome as Outcome<QueryAnswer>); // JSON was asked for
       if (outcome.ok) {
-        show(outcome.value as QueryAnswer); // JSON was asked for
+        answered = text;
+        show(outcome.value as QueryAnswer);
         history.value = remembered(text, history.peek());
-      } else if (!own.signal.aborted) problem.value = outcome.problem;
+      }
     },
     cancel() {
       control?.abort();
     },
     async file(format) {
-      const text = sql.peek().trim();
-      const found = await respond("POST /api/query", { body: { sql: text, format } });
+      const found = await respond("POST /api/query", { body: { sql: answered, format } });
       if (!(found instanceof Response)) {
-        problem.value = found;
+        failed.value = found;
         return undefined;
       }
       try {
         return await found.blob();
       } catch {
-        problem.value = UNREACHED;
+        failed.value = UNREACHED;
         return undefined;
       }
     },

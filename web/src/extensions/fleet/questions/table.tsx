@@ -24,7 +24,7 @@ export function AnswerTable({ state, answer, open }: Props) {
   const host = useRef<HTMLDivElement>(null);
   const [top, high] = [useSignal(0), useSignal(FIRST_HIGH_PX)];
   const rowPx = matchMedia("(max-width: 720px)").matches ? TOUCH_ROW_PX : ROW_PX;
-  const rows = useComputed(() => sorted(state.answer.value?.rows ?? [], state.order.value));
+  const rows = useComputed(() => sorted(state.shown.value.answer?.rows ?? [], state.order.value));
   useEffect(() => {
     const element = host.current;
     if (!element) return undefined;

@@ -1,5 +1,5 @@
 /** The profile of a group, applied to its robots: the plan, then how it goes. It goes on when the dialog is closed. */
-import { useSignal } from "@preact/signals";
+import { type Signal, useSignal } from "@preact/signals";
 import { Dialog } from "../../../ui/controls/dialog";
 import { RolloutPlanForm } from "./rollout-plan";
 import { TEXT } from "./rollout-texts";
@@ -7,8 +7,7 @@ import { Button } from "../../../ui/controls/button";
 import { request } from "../../../requests/http";
 import { Message } from "../../../ui/controls/message";
 import { storedName } from "../../../requests/person-name";
-import { ProblemNote } from "../../../requests/problem-note";
-import { usePolled } from "../../../requests/use-polled";
+import { Answered, useAnswer } from "../../../requests/use-answer";
 import type { Rollout, RolloutDevice } from "../../../wire/routes";
 import { PersonForm } from "./person-form";
 import "./rollouts.css";
@@ -59,20 +58,31 @@ function RolloutProgress({ id }: { readonly id: number }) {
   const pauseMs = (newest: Rollout | undefined): number | undefined =>
     newest && newest.state !== "running" ? undefined : ASK_MS + ASK_DEVICE_MS * (newest?.devices.length ?? 0);
   const path = { rollout: id };
-  const { state, problem, send } = usePolled(`${id}`, pauseMs, () =>
-    request("GET /api/fleet/rollouts/{rollout}", { path }),
-  );
+  const asked = useAnswer(`${id}`, () => request("GET /api/fleet/rollouts/{rollout}", { path }), { everyMs: pauseMs });
   const stop = async (by: string): Promise<void> => {
     isNaming.value = false;
-    await send(request("POST /api/fleet/rollouts/{rollout}/stop", { path, body: { by } }));
+    await asked.send(request("POST /api/fleet/rollouts/{rollout}/stop", { path, body: { by } }));
   };
   const askToStop = (): void => {
     const by = storedName();
     if (by === "") isNaming.value = true;
     else void stop(by);
   };
-  const found = state.value;
-  if (found === undefined) return problem.value ? <ProblemNote problem={problem.value} /> : null;
+  return (
+    <Answered of={asked}>
+      {(found) => <Progress found={found} isNaming={isNaming} stop={stop} askToStop={askToStop} />}
+    </Answered>
+  );
+}
+
+interface ProgressProps {
+  readonly found: Rollout;
+  readonly isNaming: Signal<boolean>;
+  readonly stop: (by: string) => Promise<void>;
+  readonly askToStop: () => void;
+}
+
+function Progress({ found, isNaming, stop, askToStop }: ProgressProps) {
   const done = found.devices.filter(({ state }) => state === "done").length;
   const isRunning = found.state === "running";
   const devices = [...found.devices].sort((a, b) => ORDER.indexOf(a.state) - ORDER.indexOf(b.state));
@@ -92,7 +102,6 @@ function RolloutProgress({ id }: { readonly id: number }) {
         {isRunning && `${TEXT.wave(found.wave, found.waves.length)} · `}
         {TEXT.doneOf(done, found.devices.length)}
       </p>
-      {problem.value && <ProblemNote problem={problem.value} />}
       {isRunning && !isNaming.value && (
         <div class="rollout-stop flex-row">
           {found.stopped_by === "" ? (
