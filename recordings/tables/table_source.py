@@ -12,13 +12,11 @@ Times that are not since 1970 are counted from the date in the file's name, else
 `arrival` beside them is taken as the arrival time. A cell that is not a number is empty, and reported.
 """
 
-import codecs
-import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,10 +36,10 @@ from imuscope.recordings.tables.clocks.steps import ClockWatch, periods_of
 from imuscope.recordings.tables.dates import cells_of
 from imuscope.recordings.tables.format import TableFormat, format_of, is_number, renamed
 from imuscope.recordings.tables.headings import ColumnHeading, unique
-from imuscope.recordings.tables.line_marks import NO_MARKS, LineMarks
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.recordings.tables.time_units import SPELLINGS, UNITS
 from imuscope.recordings.tables.unreadable_cells import UnreadableCells
+from imuscope.recordings.tables.utf8 import Utf8
 
 if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts sooner
     import pyarrow as pa
@@ -52,9 +50,6 @@ SEGMENT = "segment"
 BLOCK_BYTES = 4 << 20
 SORTED_BYTES = 64 << 20  # of a table whose rows are sorted by their times
 NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
-ODD = "\ufffd"
-NO_UTF8 = "Some characters are not UTF-8; they are left out."
-_RETURN, _RETURN_INSIDE = re.compile(r"\r(?!\n)"), re.compile(r"\r(?!\n|\Z)")  # of an old Mac
 _RATE = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
 _INTERVAL = re.compile(r"^\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*(s|sec|seconds|ms|us|µs)\s*$", re.IGNORECASE)
 _INTERVAL_NAME = re.compile(r"^(sampl(e|ing)|data|log(ging)?|measurement)[ _]?(interval|period|time)$|^dt$|^interval$")
@@ -165,6 +160,10 @@ class CsvSource(TableSource):
         cells = (cells_of(self.form.sample, i) for i in range(len(self.headings)))
         self._hexadecimal = {i for i, some in enumerate(cells) if are_hexadecimal(some)}
         self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
+        self._is_export = {
+            "time",
+            "arrival",
+        } <= by_name.keys()  # rows may share a time, or have none
         names = [one.text for one in self.headings]  # a column of this name beside the arrival is that of our exports
         self._segment = names.index(SEGMENT) if self.arrival_column is not None and SEGMENT in names else None
         newest = path.stat().st_mtime + NOW_S
@@ -240,13 +239,13 @@ class CsvSource(TableSource):
         self._unreadable.clear()
         self._timeless = 0
         size, done = max(self.path.stat().st_size, 1), 0
-        parsed = known = 0
+        parsed = known = 0  # rows, and those with a time
         held: list[TableRows] = []
         try:
             for batch in self._batches(self.names, odd):
                 done += batch.nbytes
-                rows, count = self._converted(batch, axis, parsed, known, min(done / size, 1.0))
-                parsed, known = parsed + count, known + len(rows.time)
+                rows = self._converted(batch, axis, parsed, known, min(done / size, 1.0))
+                parsed, known = parsed + len(batch), known + int(np.isfinite(rows.time).sum())
                 if axis.order:
                     held.append(rows)
                 else:
@@ -303,7 +302,7 @@ class CsvSource(TableSource):
             hint = "Name its times: --time-column, or --rate for a table without any."
             raise RecordingError(f"{self.path.name}: {axis.name} cannot be read, first {first_odd!r:.80}.", hint)
         different = 1 if watch.is_constant else watch.rows - watch.repeats
-        if watch.is_constant or (watch.rows >= FEWEST_ROWS and different <= MOST_TIMES):
+        if not self._is_export and (watch.is_constant or (watch.rows >= FEWEST_ROWS and different <= MOST_TIMES)):
             raise few_times(self.path.name, axis.name, different, watch.rows)
         return watch
 
@@ -342,8 +341,8 @@ class CsvSource(TableSource):
 
     def _converted(
         self, batch: "pa.RecordBatch", axis: TimeAxis, parsed: int, known_before: int, done: float
-    ) -> tuple[TableRows, int]:
-        """Rows of a batch, and how many it had."""
+    ) -> TableRows:
+        """Rows of a batch: those with a time, in an export of ours also those that have only an arrival."""
         clock, decimal = axis.clock, self.form.decimal
         if clock.kind == "rows":
             raw = np.arange(parsed, parsed + len(batch)) * clock.factors[0]
@@ -352,7 +351,14 @@ class CsvSource(TableSource):
             raw = cells.values
             for column in clock.columns[:1]:
                 self._unreadable.note(column, batch.column(column), cells, parsed)
-        known = np.isfinite(raw)
+        time = np.full(len(batch), np.nan)
+        has_time = np.isfinite(raw)
+        time[has_time] = axis.times(raw[has_time], known_before)
+        arrival = time
+        if self.arrival_column is not None:
+            arrival = self._arrivals(batch.column(self.arrival_column), axis)
+            arrival = np.where(np.isnan(arrival), time, arrival)
+        known = np.isfinite(arrival) if self._is_export else has_time
         is_filled = np.zeros(np.count_nonzero(~known), np.bool_)
         columns: dict[str, tuple[Floats, str]] = {}
         for i, (name, heading) in enumerate(zip(self.names, self.headings, strict=True)):
@@ -374,14 +380,9 @@ class CsvSource(TableSource):
         self._timeless += int(np.count_nonzero(is_filled))
         if axis.keeps_clock:
             columns[f"{axis.name} (clock)" if axis.name in columns else axis.name] = (raw[known], "s")
-        time = axis.times(raw[known], known_before)
-        arrival = time
-        if self.arrival_column is not None:
-            arrival = self._arrivals(batch.column(self.arrival_column), axis)[known]
-            arrival = np.where(np.isnan(arrival), time, arrival)
         frames = {name: one.frame for name, one in zip(self.names, self.headings, strict=True) if one.frame}
         segment = None if self._segment is None else numbers(batch.column(self._segment), decimal).values[known]
-        return TableRows(self.path.stem, time, arrival, columns, done, frames, segment), len(batch)
+        return TableRows(self.path.stem, time[known], arrival[known], columns, done, frames, segment)
 
     def _arrivals(self, column: "pa.Array", axis: TimeAxis) -> Floats:
         assert self.arrival_column is not None
@@ -420,7 +421,8 @@ class CsvSource(TableSource):
 def _sorted(blocks: Sequence[TableRows]) -> TableRows:
     """The rows of all blocks as one, by their times."""
     last = blocks[-1]
-    order = np.argsort(np.concatenate([one.time for one in blocks]), kind="stable")
+    times = np.concatenate([np.where(np.isnan(one.time), one.arrival, one.time) for one in blocks])
+    order = np.argsort(times, kind="stable")
 
     def joined(pieces: Sequence[Floats]) -> Floats:
         values: Floats = np.concatenate(pieces)[order]
@@ -451,47 +453,3 @@ def _head_rate(form: TableFormat) -> float:
         if match is not None and (number := float(match[1])) > 0:
             return 1 / (number * UNITS[SPELLINGS[match[2].lower()]])
     return 0.0
-
-
-class Utf8(io.RawIOBase):
-    """A file as UTF-8, whatever its bytes: invalid ones are replaced, and reported once.
-
-    Args:
-        marks: to be left out of the lines.
-        squeeze: make one blank of several, and none at the beginning of a line.
-    """
-
-    def __init__(
-        self, file: BinaryIO, damage: list[FileDamage], marks: LineMarks = NO_MARKS, *, squeeze: bool = False
-    ) -> None:
-        self._file = file
-        self._marks = marks
-        self._damage = damage
-        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
-        self._squeeze = squeeze
-        self._held = ""
-
-    def readable(self) -> bool:
-        return True
-
-    def read(self, size: int = -1) -> bytes:
-        while data := self._file.read(size):
-            if text := self._squeezed(self._decoder.decode(data)):
-                return self._report(text)
-        return self._report(self._squeezed(self._decoder.decode(b"", True), end=True))
-
-    def _squeezed(self, text: str, *, end: bool = False) -> str:
-        if not self._squeeze and not self._marks:
-            return text
-        text = _RETURN.sub("\n", self._held + text) if end else _RETURN_INSIDE.sub("\n", self._held + text)
-        cut = len(text) if end else text.rfind("\n") + 1
-        self._held = text[cut:]
-        lines = self._marks.removed(text[:cut])
-        if not self._squeeze:
-            return lines
-        return re.sub(r"[ \t]+(?=\r?$)|^[ \t]+", "", re.sub(r"[ \t]+", " ", lines), flags=re.MULTILINE)
-
-    def _report(self, text: str) -> bytes:
-        if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):
-            self._damage.append(FileDamage(-1, NO_UTF8))
-        return text.encode()

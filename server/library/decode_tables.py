@@ -68,7 +68,8 @@ class _Tables:
                     column.decimals = BY_UNIT
         if rows.segment is not None:
             for number in np.unique(rows.segment[rows.segment > 0]).tolist():
-                begin = float(rows.time[rows.segment == number].min())
+                times = np.where(np.isnan(rows.time), rows.arrival, rows.time)
+                begin = float(times[rows.segment == number].min())
                 self.segments[number] = min(begin, self.segments.get(number, np.inf))
         self.counts[rows.table] = before + len(rows.time)
         self.first = min(self.first, float(rows.arrival.min()))

@@ -22,9 +22,10 @@ EVENER = 4.0  # times as even is the clock that becomes the axis instead
 
 
 def evenest(sample: TableSample, axis: TableClock, others: Sequence[TableClock]) -> tuple[TableClock, list[TableClock]]:
-    """The axis, and the other clocks: one of these becomes it that runs as far, but far more evenly."""
-    plain = (*others,) if axis.kind != "rows" and axis.rank > 1 else ()
-    for one in plain:
+    """The axis, and the other clocks: one of these becomes it that runs as far, but far more evenly. The common
+    time of an export stays it.
+    """
+    for one in () if axis.kind == "rows" or axis.rank <= 1 or sample.is_common(axis) else others:
         is_host = any(names.OF_HOST.match(sample.words(column)) for column in one.columns)
         if one.is_open or one.kind in ("counter", "rows") or is_host or not _is_evener(sample, one, axis):
             continue

@@ -5,7 +5,7 @@
 
 Which end of a packet its time belongs to is an option. Without it, the time that a program wrote is that of the last
 sample, since the packet had to arrive first; that of a device belongs to the first one. Rows of several sensors at one
-time, which a column distinguishes, are not one.
+time, which a column or the empty cells distinguish, are not one.
 """
 
 import re
@@ -98,9 +98,9 @@ def spread_of(sample: TableSample, clock: TableClock, times: Floats, row_s: floa
     """
     steps, chosen = np.diff(times), sample.options.packet_stamp
     repeats = int(np.count_nonzero(steps == 0))
-    if not row_s or not repeats or len(np.unique(times)) < FEWEST_PACKETS:
+    if not row_s or not repeats or len(np.unique(times)) < FEWEST_PACKETS or sample.is_common(clock):
         return None
-    if not chosen and (repeats <= PACKET_SHARE * len(times) or _has_own_column(sample, clock)):
+    if not chosen and (repeats <= PACKET_SHARE * len(times) or _are_of_several(sample, clock)):
         return None
     count = float(f"{steps[steps > 0].min():.3g}")
     counts = times / count
@@ -118,12 +118,17 @@ def spread_of(sample: TableSample, clock: TableClock, times: Floats, row_s: floa
     return PacketSpread(stamp, why, row_s, is_counted=is_counted)
 
 
-def _has_own_column(sample: TableSample, clock: TableClock) -> bool:
-    """Whether a column distinguishes the rows of one time, in the same way each time: a sensor, a marker, a satellite."""
+def _are_of_several(sample: TableSample, clock: TableClock) -> bool:
+    """Whether the rows of one time are of several sensors: a column distinguishes them, in the same way each time, or
+    they fill different columns.
+    """
     rows = sample.form.sample
     keys = [tuple(row[column] for column in clock.columns) for row in rows]
     begins = [i for i in range(1, len(rows)) if keys[i] != keys[i - 1]]
     packets = [range(*edges) for edges in pairwise(begins)]
+    forms = [{tuple(map(bool, map(str.strip, rows[i]))) for i in packet} for packet in packets]
+    if sum(len(one) > 1 for one in forms) > PACKET_SHARE * len(packets):  # each fills other columns
+        return True
     return any(
         _is_key([[rows[i][column] for i in packet] for packet in packets])
         for column in range(len(sample.headings))

@@ -60,6 +60,11 @@ class TableSample:
             return is_named and are_packed(cells, self.newest, named=named)
         return bool(cells) and sum(map(is_moment, cells)) > len(cells) / 2
 
+    def is_common(self, clock: TableClock) -> bool:
+        """Whether a clock is the common time of an export: `time` beside `arrival`, or `__time` of PlotJuggler."""
+        is_ours = any(one.name.lower() == "arrival" for one in self.headings)
+        return is_ours or any(self.headings[column].name.startswith("__") for column in clock.columns)
+
     def rises(self, column: int) -> bool:
         """Whether the numbers of a column rise, and hardly any row lacks one."""
         values, rows = self.numbers(column), len(self.form.sample)

@@ -15,7 +15,7 @@ from imuscope.recordings.library.table_preview import preview_of
 from imuscope.recordings.tables.format import format_of
 from imuscope.recordings.tables.line_marks import LineMarks
 from imuscope.recordings.tables.options import TableOptions
-from imuscope.recordings.tables.table_source import Utf8
+from imuscope.recordings.tables.utf8 import Utf8
 from imuscope.server.devices.decode import protocol_set
 from imuscope.server.library.decode import decode
 from tests.support.each_row import each_row
