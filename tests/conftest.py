@@ -272,6 +272,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
         dark: bool = True,
         touch: bool = False,
         still: bool = False,
+        scale: float = 1.0,
         before: str = "",
     ) -> Page:
         context = browser.new_context(
@@ -280,6 +281,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
             has_touch=touch,
             is_mobile=touch,
             reduced_motion="reduce" if still else "no-preference",
+            device_scale_factor=scale,
         )
         contexts.append(context)
         context.add_init_script(chromium.SLOW_SCREEN)

@@ -81,7 +81,7 @@ def test_no_key_of_a_page_that_did_not_write_reaches_the_device(
 ) -> None:
     with listening() as device:
         server = serve(device.slave)
-        page = opened(server, open_page)
+        page = opened(server, open_page, still=True, scale=0.5)
         changes: list[str] = []
 
         def note(request: Request) -> None:

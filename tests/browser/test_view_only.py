@@ -100,7 +100,9 @@ def test_nothing_is_offered_that_the_server_would_refuse(
         if response.status == 403:
             refused.append(f"{now[0]} -> {response.request.method} {response.url.removeprefix(server.url)}")
 
-    with browser.new_context(viewport={"width": DESKTOP[0], "height": DESKTOP[1]}) as context:
+    with browser.new_context(
+        viewport={"width": DESKTOP[0], "height": DESKTOP[1]}, reduced_motion="reduce", device_scale_factor=0.5
+    ) as context:
         context.add_init_script(SLOW_SCREEN)
         page = context.new_page()
         page.set_default_timeout(PATIENCE_S * 1000)

@@ -56,7 +56,7 @@ def environment(installed: Path, tmp_path: Path) -> dict[str, str]:
         path = tmp_path / "robot" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text + RAISES)
-    return os.environ | {"PYTHONPATH": f"{tmp_path / 'robot'}{os.pathsep}{installed}", "PYTHONDONTWRITEBYTECODE": "1"}
+    return os.environ | {"PYTHONPATH": f"{tmp_path / 'robot'}{os.pathsep}{installed}"}
 
 
 def test_it_installs_one_name(installed: Path) -> None:

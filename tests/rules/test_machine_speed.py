@@ -124,7 +124,7 @@ LISTED: dict[str, tuple[dict[str, int], str]] = {
         "what would overtake a write has the time to do so",
     ),
     "server/test_resource_limits.py": ({"clock": 2}, "processor time, of work that took minutes"),
-    "server/devices/link/test_byte_memory.py": ({"clock": 3}, "the memory of bytes is kept by the clock"),
+    "server/devices/link/test_byte_memory.py": ({"clock": 2}, "the memory of bytes is kept by the clock"),
     "server/streaming/test_clients.py": ({"wait": 1}, "a pause in which nothing is published"),
     "server/configuration/test_device_controller.py": ({"wait": 1}, "the pace of a device"),
     "server/extensions/foxglove/test_foxglove.py": ({"clock": 1}, TODAY),

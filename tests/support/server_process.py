@@ -136,7 +136,7 @@ class ServerProcess:
         fresh: start an interpreter for it, also where tests share the work of that
             (tests/support/forking/fork_server.py).
         by: fork server to use instead of the one that all tests share.
-        module: runs instead of the command line, with its words, in an interpreter of its own.
+        module: runs instead of the command line, with its words.
 
     Raises:
         RuntimeError: the server ended or did not answer; the message holds what it printed.
@@ -155,7 +155,7 @@ class ServerProcess:
         module: str = "",
     ) -> None:
         words = [command, *sources, "--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
-        self.process = begun(*words, fresh=fresh or bool(module), prefix=prefix, by=by, module=module)
+        self.process = begun(*words, fresh=fresh, prefix=prefix, by=by, module=module)
         self.data = data
         self.lines: list[str] = []
         self._certificate = data / "tls" / "certificate.pem"

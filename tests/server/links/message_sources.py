@@ -38,6 +38,11 @@ class SdkServer:
     def log(self, topic: str, data: bytes, time_ns: int | None = None) -> None:
         self._channels[topic].log(data, log_time=time.time_ns() if time_ns is None else time_ns)
 
+    @property
+    def is_subscribed(self) -> bool:
+        """Whether what is logged on each channel is sent to somebody."""
+        return all(channel.has_sinks() for channel in self._channels.values())
+
     def stop(self) -> None:
         self._server.stop()
 

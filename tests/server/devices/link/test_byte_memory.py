@@ -225,13 +225,16 @@ def test_what_is_in_memory_becomes_the_recording_that_was_not_made(
     assert saved["id"] in listed
 
 
-def test_the_last_seconds_of_chosen_devices(running: InProcessServer, links: FakeLinks, tmp_path: Path) -> None:
+def test_the_last_seconds_of_chosen_devices(
+    running: InProcessServer, links: FakeLinks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     send(running, links, "/dev/one", sample(1))
     before = time.time()
     block_until(lambda: time.time() > before + 1.0, "time passes")
     send(running, links, "/dev/one", sample(2))
     send(running, links, "/dev/two", sample(3))
-    last = {"devices": ["1"], "seconds": time.time() - before - 0.1}  # begins in the pause
+    monkeypatch.setattr(running.services.recorder, "now", lambda: before + 10.1)  # however long the request takes
+    last = {"devices": ["1"], "seconds": 10.0}  # begins in the pause
     saved = running.client.post("/api/recordings/save-memory", json=last).json()
     path = tmp_path / "recordings" / f"{saved['id']}.mcap"
     assert saved["devices"] == ["1"]
