@@ -101,7 +101,7 @@ export class ReplayController {
         prefix: (info) =>
           (detail.devices.length > 1 ? `${info.device}/` : "") +
           (isShared(info, detail.channels) ? `${info.message}/` : ""),
-        sent: (id) => detail.channels.find((one) => one.id === id),
+        sent: (id) => this.near.sent(id),
         changeOf: (id) => this.near.changeOf(id),
       },
     };
