@@ -51,7 +51,7 @@ class Triad:
 
     @property
     def title(self) -> str:
-        """Name and message, which tell it apart on its device."""
+        """Name and message, unique on its device."""
         return f"{self.name} of {self.info.message}" if self.info.message else self.name
 
 

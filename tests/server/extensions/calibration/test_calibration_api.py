@@ -91,7 +91,7 @@ def until(device: Rows, condition: Any) -> Any:
     return block_until(state, "the report")
 
 
-def test_a_calibration_says_which_of_two_sensors_it_is_of() -> None:
+def test_a_calibration_names_its_sensor_where_there_are_two() -> None:
     """Regression: of a rate of turn in two messages the newest was taken without a word."""
     both = [replace(vector("1", "RateOfTurn", "°/s"), id=at, message=message) for at, message in enumerate(("A", "B"))]
     method = METHODS["gyroscope"]
