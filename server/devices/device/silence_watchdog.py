@@ -2,7 +2,8 @@
 
 It is below a second for a streaming device, so that the page shows it within a second, including tick and flush. A slow
 device has three of its usual intervals, or a few seconds while its interval is not known. Expected silence (a device
-that is being configured does not measure) is not counted.
+that is being configured does not measure) is not counted, nor is time in which this process did not run: what came
+then waits to be read.
 """
 
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ SLOW_FACTOR = 3.0  # a device that sends every 2 s is silent after 6 s
 FEW_CHUNKS = 3  # with fewer chunks the usual interval is not known, and the limit is:
 FEW_CHUNKS_S = 3.0
 SLOWEST_S = 10.0
+WATCHED_S = 0.25  # between two checks of a process that runs; they are due every 0.1 s, or 0.2 s without viewers
 LINK_SILENT_HINT = "Check that the device is powered and in measurement state; it is shown again when it sends."
 
 
@@ -29,6 +31,8 @@ class SilenceWatchdog:
         self._chunks = 0
         self.suppressed = False
         self._suppressed_until = 0.0
+        self._since, self._checked_at = 0.0, 0.0  # of the last check, unix s
+        self._unwatched = 0.0  # time without checks since then, s
 
     def note_chunk(self, arrival: float, before: float | None) -> None:
         """Note a received chunk; both unix s, `before` None for the first one."""
@@ -57,7 +61,12 @@ class SilenceWatchdog:
 
     def silence(self, now: float, since: float) -> float:
         """Time since the last expected data, s: `since` the last byte, or the opening of the link."""
-        return 0.0 if self.suppressed else now - max(since, self._suppressed_until)
+        since = max(since, self._suppressed_until)
+        if since != self._since:
+            self._since, self._unwatched = since, 0.0
+        self._unwatched += max(0.0, now - max(self._checked_at, since) - WATCHED_S)
+        self._checked_at = now
+        return 0.0 if self.suppressed else now - since - self._unwatched
 
     @property
     def limit(self) -> float:

@@ -87,8 +87,9 @@ async def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path:
         async def wait(task: Any) -> None:
             await asyncio.sleep(0)
             line = desks[0].member.link_session
-            far = here.telemetry.bus.now() + 60
-            line.tick(far)
+            now = here.telemetry.bus.now()
+            for tick in range(100):
+                line.tick(now + 0.2 * tick)
 
         for desk in desks:
             await over(desk.add("Wait", wait))

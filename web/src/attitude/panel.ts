@@ -9,7 +9,7 @@ import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/rotations";
 import { bodyOf, pairIn } from "../data/frames";
 import type { Channel } from "../data/channels";
 import type { ViewState } from "../data/view-state";
-import { channelsOf, reading, sampleAt, selected } from "../panels/panel-context";
+import { channelsOf, momentWords, reading, sampleAt, selected } from "../panels/panel-context";
 import type { Deps } from "../page/context";
 import { trustOf } from "../panels/authenticity";
 import { surface } from "../ui/dom/canvas";
@@ -160,13 +160,9 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
   const { frame: chosenFrame } = deps.viewState;
   const choice = frameSwitch(deps.store.nativeFrame(source.channel.info.device) ?? source.frame, chosenFrame);
   const trust = el("span", { class: "trust-mark" });
-  const top = el(
-    "div",
-    { class: "frame" },
-    choice.node,
-    trust,
-    el("span", { class: "from ellipsis", title: source.detail }, source.words),
-  );
+  const from = new LiveText();
+  const origin = el("span", { class: "from ellipsis", title: source.detail }, from.node);
+  const top = el("div", { class: "frame" }, choice.node, trust, origin);
   const numsCell = el("div", { class: "numerals" }, top, list);
   host.append(horizonCell, bodyCell, numsCell);
 
@@ -178,7 +174,8 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
   const textDue = throttle(12);
   return {
     update(now) {
-      const i = sampleAt(source.channel, reading(deps));
+      const at = reading(deps);
+      const i = sampleAt(source.channel, at);
       const frame = chosenFrame.value ?? source.frame;
       const { ring } = source.channel;
       const key = `${ring.revision} ${i} ${frame} ${document.documentElement.dataset["theme"]}`;
@@ -197,6 +194,8 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
       pitch.set(number(angles?.[1], 1));
       frameName.set(TEXT.bodyInFrame(bodyOf(frame), frame));
       writeTrust(trust, deps, source);
+      from.set(at.isOffScreen ? momentWords(at) : source.words);
+      host.classList.toggle("off-screen", at.isOffScreen);
       pitchNote.set(TEXT.aboutY(pitchSign(frame)));
     },
     dispose() {

@@ -13,6 +13,7 @@ describe("readingAt", () => {
       from: 30,
       to: 50,
       base: "device",
+      isOffScreen: false,
     });
     expect(readingAt(live, { kind: "pointer", fraction: 0.5 }, 50).word).toBe("now");
   });
@@ -23,6 +24,12 @@ describe("readingAt", () => {
       to: 100,
     });
     expect(readingAt(live, { kind: "pinned", time: 42 }, 50)).toMatchObject({ time: 42, word: "cursor" });
+  });
+  it("says when the cursor is beside the window, and takes figures between both cursors", () => {
+    expect(readingAt(paused, { kind: "pinned", time: 79 }, 500).isOffScreen).toBe(true);
+    expect(readingAt(paused, { kind: "pinned", time: 90 }, 500, 60)).toMatchObject({
+      ...{ time: 90, from: 60, to: 90, isOffScreen: false },
+    });
   });
   it("reads the right edge when paused without a cursor", () => {
     expect(readingAt(paused, undefined, 500)).toMatchObject({ time: 100, word: "paused" });

@@ -10,19 +10,26 @@ export interface CursorReading {
   readonly time: number;
   /** Word in the head of a column. */
   readonly word: "now" | "cursor" | "paused";
-  /** The window over which mean and σ are taken, unix seconds. */
+  /** The stretch over which mean and σ are taken, unix seconds: the window, or what is between both cursors. */
   readonly from: number;
   readonly to: number;
+  /** Whether the moment is beside the window: what reads it says so. */
+  readonly isOffScreen: boolean;
   /** The clock of these times. */
   readonly base: TimeBase;
 }
 
-export function readingAt(view: View, cursor: Cursor, now: number): CursorReading {
+/** @param second the cursor B, while it measures */
+export function readingAt(view: View, cursor: Cursor, now: number, second?: number): CursorReading {
   const to = view.live ? now : view.end;
   const from = to - view.span;
-  const base = view.timeBase;
-  if (cursor?.kind === "pinned") return { time: cursor.time, word: "cursor", from, to, base };
-  if (view.live) return { time: Number.POSITIVE_INFINITY, word: "now", from, to, base };
-  if (cursor) return { time: from + cursor.fraction * view.span, word: "cursor", from, to, base };
-  return { time: to, word: "paused", from, to, base };
+  const window = { from, to, base: view.timeBase, isOffScreen: false };
+  if (cursor?.kind === "pinned") {
+    const { time } = cursor;
+    const between = second === undefined ? {} : { from: Math.min(time, second), to: Math.max(time, second) };
+    return { ...window, ...between, time, word: "cursor", isOffScreen: time < from || time > to };
+  }
+  if (view.live) return { ...window, time: Number.POSITIVE_INFINITY, word: "now" };
+  if (cursor) return { ...window, time: from + cursor.fraction * view.span, word: "cursor" };
+  return { ...window, time: to, word: "paused" };
 }

@@ -3,10 +3,10 @@ import { Dialog } from "../ui/controls/dialog";
 import { PanelHost } from "../panels/panel-host";
 import type { Deps, App } from "../page/context";
 import type { Channel } from "../data/channels";
-import { el, throttle, type Panel } from "../ui/dom/dom";
+import { el, LiveText, throttle, type Panel } from "../ui/dom/dom";
 import { decimalsOf, number } from "../ui/format/format";
 import { choiceWords } from "../ui/format/labels";
-import { channelsOf, reading, sampleAt } from "../panels/panel-context";
+import { channelsOf, momentWords, reading, sampleAt } from "../panels/panel-context";
 
 export function RowsDialog({ app, deps }: { readonly app: App; readonly deps: Deps }) {
   const open = app.openTable.value;
@@ -44,7 +44,9 @@ export function cellsOf({ info, ring }: Channel, i: number): readonly (readonly 
 function mountRows(host: HTMLElement, deps: Deps, name: string): Panel {
   const body = el("tbody");
   const head = el("tr");
-  const table = el("table", { class: "rows-table" }, el("thead", {}, head), body);
+  const when = new LiveText();
+  const caption = el("caption", { class: "dim" }, when.node);
+  const table = el("table", { class: "rows-table" }, caption, el("thead", {}, head), body);
   host.append(table);
   const due = throttle(2);
   let known = "";
@@ -60,8 +62,10 @@ function mountRows(host: HTMLElement, deps: Deps, name: string): Panel {
         known = titles.join("|");
         head.replaceChildren(...titles.map((title) => el("th", { scope: "col" }, title)));
       }
+      const at = reading(deps);
+      when.set(momentWords(at));
       body.replaceChildren(
-        ...cellsOf(channel, sampleAt(channel, reading(deps))).map((cells) =>
+        ...cellsOf(channel, sampleAt(channel, at)).map((cells) =>
           el("tr", {}, ...cells.map((text) => el("td", { class: "num" }, text))),
         ),
       );

@@ -5,7 +5,7 @@ import "../panels/all";
 import { type PanelDefinition, panelsAt } from "../panels/registry";
 import { IconButton } from "../ui/controls/icon-button";
 import type { Panel } from "../ui/dom/dom";
-import { PanelHost } from "../panels/panel-host";
+import { mountPanel, PanelHost } from "../panels/panel-host";
 import type { Deps, App } from "../page/context";
 import { ArrangeButton } from "../workspace/arrange";
 import { Divider } from "../workspace/divider";
@@ -117,7 +117,7 @@ function ColumnPanel({ session, panel, deps, below = false, folds }: ColumnPanel
       </PanelHead>
       <PanelHost
         {...(below ? { class: own } : { class: `panel-host ${own}`, label: panel.title, scrolls: true })}
-        mount={(host) => written(panel.mount(host, deps, caption.current))}
+        mount={(host) => written(mountPanel(panel, host, deps, caption.current))}
       />
       {After && <After deps={deps} />}
       {session.arranging.value && <HeightDivider session={session} panel={panel} height={height} />}

@@ -4,7 +4,7 @@
  */
 import { type Surface, surface } from "../ui/dom/canvas";
 import { el, throttle, LiveText, LiveMessage, type Panel } from "../ui/dom/dom";
-import { number } from "../ui/format/format";
+import { age, number } from "../ui/format/format";
 import { countsLosses } from "../wire/capabilities";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { behindWords } from "./behind-text";
@@ -88,7 +88,7 @@ function figuresNow(deps: Deps) {
   return { device, id, health, dropped, figures };
 }
 
-function mountHealth(host: HTMLElement, deps: Deps): Panel {
+function mountHealth(host: HTMLElement, deps: Deps, caption: HTMLElement | null): Panel {
   const list = el("dl", { class: "health-list" });
   const cells = new Map<HealthKey, Cell>();
   const sparks = new Map<HealthKey, Surface>();
@@ -121,6 +121,8 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const words = new LiveMessage(el("p", { class: "note verdict" }));
   const presumed = new LiveMessage(el("p", { class: "note" }));
   host.append(list, presumed.node, words.node, uneven.node);
+  const held = new LiveText();
+  caption?.append(el("span", { class: "when" }, held.node));
   const [figuresDue, ageDue] = [throttle(2), throttle(10)];
   return {
     update(now) {
@@ -129,6 +131,8 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const { device, id, health, dropped, figures } = figuresNow(deps);
       cells.get("age")?.set(figures.age);
       if (!all) return;
+      const old = age(ageOf(deps, id));
+      held.set(deps.recording === undefined && deps.store.isCut ? ` ${TEXT.heldFor(old.value, old.unit)}` : "");
       for (const [key, row] of rows) row.hidden = isLeftOut(key, device, deps.recording !== undefined);
       for (const [key, cell] of cells) cell.set(figures[key]);
       fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
@@ -152,6 +156,7 @@ function mountHealth(host: HTMLElement, deps: Deps): Panel {
       words.node.remove();
       presumed.node.remove();
       uneven.node.remove();
+      held.node.parentElement?.remove();
     },
   };
 }

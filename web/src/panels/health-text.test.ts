@@ -100,6 +100,8 @@ describe("figuresOf", () => {
     const presumed = { ...health, drift_bound_ppm: 3.21, time_presumes: "if not all frames are delayed alike" };
     expect(presumedWords(presumed)).toBe("± of times holds if not all frames are delayed alike.");
     expect(healthFigures(presumed, quiet, 0, 0).drift.value).toBe("+12.4 ± 3.3");
+    const wide = { ...presumed, drift_bound_ppm: 51.02 };
+    expect(healthFigures(wide, quiet, 0, 0).drift.value).toBe("+12 ± 52"); // what fits in its column
     const full = { ...health, uncertainty_ms: null, time_presumes: "the line is full" };
     expect(presumedWords(full)).toBe("The uncertainty of times is unknown: the line is full.");
   });

@@ -149,7 +149,9 @@ export function healthFigures(
 
 function driftOf(health: DeviceHealth | undefined): string {
   const [drift, bound] = [health?.drift_ppm ?? undefined, health?.drift_bound_ppm ?? undefined];
-  return bound === undefined ? signed(drift, 1) : `${signed(drift, 1)} ± ${number(Math.ceil(bound * 10) / 10, 1)}`;
+  if (bound === undefined) return signed(drift, 1);
+  const digits = bound >= 10 ? 0 : 1; // more do not fit, and say nothing
+  return `${signed(drift, digits)} ± ${number(Math.ceil(bound * 10 ** digits - 1e-9) / 10 ** digits, digits)}`;
 }
 
 /** Times that are less certain than this, ms, want a remedy. */

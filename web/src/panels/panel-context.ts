@@ -4,11 +4,18 @@ import type { Channel } from "../data/channels";
 import type { ChannelInfo, DeviceInfo } from "../wire/types";
 import { type Recent, recentOf } from "./health-text";
 import { type CursorReading, readingAt } from "../data/cursor-time";
+import { clock } from "../ui/format/format";
+import { TEXT } from "../texts/panels";
 
 /** The moment read by the panels. */
 export function reading(deps: Deps): CursorReading {
-  const { view, cursor, device } = deps.viewState;
-  return readingAt(view.value, cursor.value, deps.store.edgeOf(device.value));
+  const { view, cursor, device, measure } = deps.viewState;
+  return readingAt(view.value, cursor.value, deps.store.edgeOf(device.value), measure.value);
+}
+
+/** "at 14:23:51.000, off screen"; "" for the newest sample. */
+export function momentWords(at: CursorReading): string {
+  return at.word === "now" ? "" : TEXT.atTime(clock(at.time, 3), at.isOffScreen ? TEXT.offScreen : "");
 }
 
 export function channelsOf(deps: Deps): readonly Channel[] {

@@ -2,7 +2,10 @@
 import { type ComponentChild, render } from "preact";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { onFrame } from "../data/render-loop";
-import type { Panel } from "../ui/dom/dom";
+import type { Deps } from "../page/context";
+import { LiveText, type Panel } from "../ui/dom/dom";
+import { momentWords, reading } from "./panel-context";
+import type { PanelDefinition } from "./registry";
 
 interface Props {
   readonly mount: (host: HTMLElement) => Panel;
@@ -41,6 +44,25 @@ export function PanelHost(props: Props) {
       {...(props.scrolls ? { tabIndex: 0 } : {})}
     />
   );
+}
+
+/** Mounts a panel beside its heading, which says the moment that it reads while that is off screen. */
+export function mountPanel(panel: PanelDefinition, host: HTMLElement, deps: Deps, caption: HTMLElement | null): Panel {
+  const mounted = panel.mount(host, deps, caption);
+  if (!panel.readsCursor || !caption) return mounted;
+  const words = new LiveText();
+  caption.append(words.node);
+  return {
+    update(now) {
+      mounted.update(now);
+      const at = reading(deps);
+      words.set(at.isOffScreen ? ` ${momentWords(at)}` : "");
+    },
+    dispose() {
+      mounted.dispose();
+      words.node.remove();
+    },
+  };
 }
 
 /** A panel of components, which redraw themselves. */

@@ -37,6 +37,8 @@ export interface PanelDefinition {
   readonly class?: string;
   /** False if there is nothing to show; called again when a signal that it reads has changed. Default: always. */
   readonly applies?: (deps: Deps) => boolean;
+  /** It reads at the cursor, and has no words of its own for that: its heading says so while the cursor is off screen. */
+  readonly readsCursor?: boolean;
   /** Mount the panel into `host`; `caption` is beside the title, for changing text. */
   readonly mount: (host: HTMLElement, deps: Deps, caption: HTMLElement | null) => Panel;
   /** Components under it. */

@@ -174,6 +174,63 @@ it("every panel and dialog that is registered says here how its result is asked 
   expect([...Object.keys(ASKED), ...Object.keys(DRAWN)].filter((id) => !registered.includes(id))).toEqual([]);
 });
 
+/** Those that read at the cursor and say so in words of their own. */
+const SAYING = ["panels/values.ts", "attitude/panel.ts", "pages/rows.tsx"];
+/** Not ruled by the cursor: a press reads it, or another program shows the moment itself. */
+const NOT_RULED = ["panels/signals/panel.tsx", "extensions/alarms/index.tsx", "extensions/viser/index.tsx"];
+
+const placeOf = (file: string): string => file.replace(/^\.\//, "panels/").replace(/^\.\.\//, "");
+
+it("every panel that reads at the cursor says so while that is off screen", () => {
+  const sources = import.meta.glob<string>(["../**/*.{ts,tsx}", "!../**/*.test.*"], {
+    eager: true,
+    query: "?raw",
+    import: "default",
+  });
+  const reads = Object.entries(sources).flatMap(([file, text]) =>
+    /= (untracked\(\(\) => )?reading\((this\.#)?deps\)|[(,] ?reading\((this\.#)?deps\)/.test(text)
+      ? [placeOf(file)]
+      : [],
+  );
+  const declared = Object.entries(sources).flatMap(([file, text]) =>
+    text.includes("readsCursor: true") ? [placeOf(file).replace(/index\.tsx?$/, "")] : [],
+  );
+  expect(reads.length).toBeGreaterThan(6);
+  const silent = reads.filter((file) => !declared.some((folder) => file.startsWith(folder)));
+  expect(silent.filter((file) => ![...SAYING, ...NOT_RULED, "panels/panel-host.tsx"].includes(file))).toEqual([]);
+});
+
+/** Regression: heading, horizon and body of 40 s ago stood at full brightness, and the mean was of another stretch than the values. */
+it("a cursor off screen is named where it rules, and figures between two cursors are of what lies between them", async () => {
+  const { app, store } = await openPage(recorded("xbus"));
+  const { viewState } = app;
+  await waitFor(() => expect(document.querySelector(".attitude .from")?.textContent).toBe("from quaternion"));
+  const ring = store.channels.value.find(({ info }) => info.name === "Acceleration")?.ring;
+  const [first, last] = [ring?.time(0) ?? NaN, ring?.time(ring.length - 1) ?? NaN];
+  viewState.view.value = { ...viewState.view.value, live: false, end: last, span: (last - first) / 4 };
+  viewState.cursor.value = { kind: "pinned", time: first };
+  await waitFor(() =>
+    expect(document.querySelector(".attitude.off-screen .from")?.textContent).toContain("off screen"),
+  );
+  await waitFor(() => expect(document.querySelector(".values-table thead")?.textContent).toMatch(/mean \d/));
+  viewState.measure.value = first + (last - first) / 8;
+  await waitFor(() => expect(document.querySelector(".values-table thead")?.textContent).toContain("mean A–B"));
+});
+
+/** Regression: health stayed at full brightness for 17 s after the server had gone, and its minute emptied. */
+it("figures of a server that is gone are held and dimmed", async () => {
+  const { store } = await openPage(recorded("xbus"));
+  const device = store.devices.value[0]?.id;
+  store.receive({ kind: "connection", state: "closed", nextTry: undefined });
+  const own = store.channels.value.filter(({ info }) => info.device === device && info.id >= 0);
+  const last = Math.max(...own.map(({ ring }) => ring.time(ring.length - 1)));
+  vi.spyOn(store, "serverNow").mockReturnValue(last + 17);
+  await waitFor(() =>
+    expect(document.querySelector(".app.offline [data-panel=health] .when")?.textContent).toMatch(/held/),
+  );
+  expect(store.edgeOf(device)).toBe(last); // the minute and the window of mean and σ stay those of the last sample
+});
+
 const REFUSED = { kind: "bad-value", message: "REFUSED", hint: "" };
 
 /** What the server does with a question about a result. */

@@ -5,8 +5,8 @@
  */
 import type { Channel } from "../data/channels";
 import { throttle, el, LiveText, type Panel, unit } from "../ui/dom/dom";
-import { age, clock, decimalsOf, NONE, number, span } from "../ui/format/format";
-import { ageOf, channelsOf, reading, sampleAt } from "./panel-context";
+import { age, decimalsOf, NONE, number, span } from "../ui/format/format";
+import { ageOf, channelsOf, momentWords, reading, sampleAt } from "./panel-context";
 import type { Deps } from "../page/context";
 import { DTYPE_SIZE } from "../wire/frame";
 import { valueGroups, type ValueRow } from "./value-groups";
@@ -32,12 +32,12 @@ interface Line {
 /** Mounts the table into `host`; the source of the numbers is written into `headline`. */
 function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null): Panel {
   const when = new LiveText();
-  const word = new LiveText();
+  const [word, mean] = [new LiveText(), new LiveText()];
   const caption = el("span", { class: "when" }, when.node);
   headline?.append(caption);
   const body = el("tbody");
   const head = el("tr", {}, el("td"), el("th", { class: "num", scope: "col" }, word.node));
-  head.append(el("th", { class: "num", scope: "col" }, TEXT.mean), el("th", { class: "num", scope: "col" }, "σ"));
+  head.append(el("th", { class: "num", scope: "col" }, mean.node), el("th", { class: "num", scope: "col" }, "σ"));
   const columns = ["label", "now", "mean", "deviation"].map((name) => el("col", { class: name }));
   const label = el("caption", { class: "visually-hidden" }, TEXT.valuesLabel);
   const table = el(
@@ -68,6 +68,7 @@ function mountValues(host: HTMLElement, deps: Deps, headline: HTMLElement | null
       const at = reading(deps);
       word.set(TEXT.reading[at.word]);
       when.set(whenOf(deps, at));
+      mean.set(meanOf(deps, at));
       for (const line of lines) {
         const text = valueText(line, at);
         line.now.set(text);
@@ -127,10 +128,17 @@ function whenOf(deps: Deps, at: CursorReading): string {
     const old = age(ageOf(deps, deps.viewState.device.value ?? ""));
     return TEXT.heldFor(old.value, old.unit);
   }
-  if (at.word !== "now")
-    return TEXT.atTime(clock(at.time, 3), deps.viewState.actions.cursorBeside() === undefined ? "" : TEXT.offScreen);
+  if (at.word !== "now") return momentWords(at);
   const window = span(deps.viewState.span.value);
   return TEXT.windowLength(window.value, window.unit);
+}
+
+/** "mean", with its stretch where the caption says another moment: "mean A–B", "mean 20 s". */
+function meanOf({ viewState }: Deps, { word }: CursorReading): string {
+  if (word === "now") return TEXT.mean;
+  if (word === "cursor" && viewState.measure.value !== undefined) return TEXT.meanOf(TEXT.fromAToB);
+  const { value, unit: words } = span(viewState.span.value);
+  return TEXT.meanOf(`${value} ${words}`);
 }
 
 function build(body: HTMLTableSectionElement, channels: readonly Channel[], deps: Deps): readonly Line[] {

@@ -5,6 +5,7 @@
 import type { Loss } from "../data/losses";
 import { number, span as spanOf } from "../ui/format/format";
 import { PixelColumns } from "./pixel-columns";
+import { lossMarks } from "./loss-marks";
 import { drawMarkers, type MarkLine } from "./markers";
 import { type Palette, setFont, type CanvasLayer } from "./canvas-style";
 import type { PlotSpec } from "../data/view";
@@ -63,11 +64,14 @@ export class HistoryStrip {
     const [y, height] = [6, sheet.height - 20];
     this.#bars(x, strip, look, y, height);
     x.fillStyle = look.colour.loss;
-    for (const { t0, t1 } of losses) {
-      if (t1 < strip.t0) continue;
-      const from = Math.max(strip.left, xOf(strip, t0));
-      x.fillRect(from, y, Math.max(MARK_PX, xOf(strip, t1) - from), height);
+    const placed = losses
+      .filter(({ t1 }) => t1 >= strip.t0)
+      .map(({ t0, t1 }) => [xOf(strip, t0), xOf(strip, t1)] as const);
+    for (const { from, to, share } of lossMarks(placed, MARK_PX)) {
+      x.globalAlpha = share;
+      x.fillRect(Math.max(strip.left, from), y, to - Math.max(strip.left, from), height);
     }
+    x.globalAlpha = 1;
     drawMarkers(
       x,
       markers.map(({ time }) => ({ time, text: "" })),

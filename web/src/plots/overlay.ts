@@ -5,6 +5,7 @@
 import type { Loss } from "../data/losses";
 import type { MarkLayer } from "./plot-additions";
 import { drawMarkers, type MarkLine } from "./markers";
+import { lossMarks } from "./loss-marks";
 import { type Palette, type CanvasLayer, hatch, setFont } from "./canvas-style";
 import type { Plot } from "./plot";
 import { valueAt } from "./legend";
@@ -66,12 +67,11 @@ export function drawGlass(
     if (px >= w.left && px <= right) band(sheet.snap(px), sheet.snap(px) + width);
   };
   x.fillStyle = hatch(x, look.colour.loss, 4);
-  x.globalAlpha = 0.55;
-  for (const { t0, t1 } of marks.losses) {
-    if (t1 < w.t0 || t0 > w.t1) continue;
-    const [a, b] = [xOf(w, t0), xOf(w, t1)];
-    const grow = Math.max(0, LOSS_PX - (b - a)) / 2;
-    band(clip(a - grow), clip(b + grow));
+  const shown = marks.losses.filter(({ t0, t1 }) => t1 >= w.t0 && t0 <= w.t1);
+  const placed = shown.map(({ t0, t1 }) => [xOf(w, t0), xOf(w, t1)] as const);
+  for (const { from, to, share } of lossMarks(placed, LOSS_PX)) {
+    x.globalAlpha = 0.55 * share;
+    band(clip(from), clip(to));
   }
   if (marks.lostSince !== undefined && marks.lostSince < w.t1) {
     const from = clip(xOf(w, marks.lostSince));

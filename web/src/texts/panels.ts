@@ -134,6 +134,8 @@ export const TEXT = {
 
   // values
   mean: "mean",
+  meanOf: (stretch: Value) => `mean ${stretch}`,
+  fromAToB: "A–B",
   reading: { now: "now", cursor: "cursor", paused: "paused" },
   valuesLabel: "Values of the selected device",
   heldFor: (value: Value, unit: Value) => `held, ${value} ${unit} old`,

@@ -4,7 +4,7 @@ import { useRef } from "preact/hooks";
 import type { App, Deps } from "../page/context";
 import type { PanelDefinition } from "../panels/registry";
 import type { Panel } from "../ui/dom/dom";
-import { PanelHost } from "../panels/panel-host";
+import { mountPanel, PanelHost } from "../panels/panel-host";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/workspace";
 import { Divider } from "./divider";
@@ -103,7 +103,7 @@ function MainPanel({ session, deps, panel, isAbove }: PanelProps) {
           <div class="panel-body" tabIndex={0} role="group" aria-label={panel.title}>
             <PanelHost
               {...(panel.class === undefined ? {} : { class: panel.class })}
-              mount={(host) => panel.mount(host, deps, caption.current)}
+              mount={(host) => mountPanel(panel, host, deps, caption.current)}
             />
             {After && <After deps={deps} />}
           </div>

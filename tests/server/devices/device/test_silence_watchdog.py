@@ -31,6 +31,18 @@ async def test_a_silent_link_is_lost_within_a_second_and_back_with_the_next_samp
         assert stage.info.status == "live"
 
 
+async def test_a_busy_machine_does_not_count_as_a_lost_device() -> None:
+    """Regression: all devices were lost and back within the same 50 ms, because the process had not run meanwhile."""
+    async with playing() as stage:
+        await stage.send(*(sample(k) for k in range(10)))
+        for _ in range(3):
+            stage.clock.move(0.9)
+            await stage.settle(0.1)
+            assert stage.info.status == "live"
+        await stage.settle(1.0)  # it runs again, and still nothing comes
+        assert stage.info.status == "lost"
+
+
 async def test_a_slow_device_is_not_called_silent() -> None:
     async with playing() as stage:
         for k in range(5):

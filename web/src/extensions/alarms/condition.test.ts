@@ -6,7 +6,14 @@ import type { DeviceInfo } from "../../wire/types";
 import { alarmCondition, canAlarm, limitOf } from "./condition";
 import type { TreeRow } from "../../signals/tree-rows";
 
-const NOW: CursorReading = { time: Number.POSITIVE_INFINITY, word: "now", from: 0, to: 100, base: "device" };
+const NOW: CursorReading = {
+  time: Number.POSITIVE_INFINITY,
+  word: "now",
+  from: 0,
+  to: 100,
+  base: "device",
+  isOffScreen: false,
+};
 
 /** A row of a channel whose sample i, of time i, has these values. */
 function row(names: readonly string[], samples: readonly (readonly number[])[], columns: readonly number[], id = 1) {

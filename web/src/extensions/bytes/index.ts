@@ -8,6 +8,7 @@ registerExtension({
   panels: [
     {
       id: "bytes",
+      readsCursor: true,
       title: TEXT.title,
       where: "main",
       order: 26,

@@ -47,6 +47,7 @@ registerExtension({
   panels: [
     {
       id: "track",
+      readsCursor: true,
       title: TEXT.track,
       where: "main",
       height: "high",

@@ -85,6 +85,7 @@ function doorOf(name: string): PackageDoor {
         where,
         order,
         optional,
+        readsCursor: true,
         mount(host, deps) {
           const panel = mount(host, viewOf(deps)) ?? {};
           return {

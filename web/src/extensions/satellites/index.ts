@@ -11,6 +11,7 @@ registerExtension({
   panels: [
     {
       id: "satellites",
+      readsCursor: true,
       title: TEXT.satellites,
       note: ["C/N", h("sub", null, "0"), TEXT.inDBHz],
       where: "below",

@@ -3,6 +3,7 @@
  * window on screen, and the reading position. Pressing and dragging moves it; with Shift it selects the loop.
  */
 import { effect } from "@preact/signals";
+import { lossMarks } from "../../plots/loss-marks";
 import { fitting, hatch, onLook, palette, type Palette, setFont, CanvasLayer } from "../../plots/canvas-style";
 import { protocolAmong } from "../../wire/capabilities";
 import { usualPlots } from "../../signals/plot-selection";
@@ -230,11 +231,12 @@ function drawStatus(x: X, look: Palette, { worst, left, width }: Scene, y: numbe
 
 function drawLosses(x: X, look: Palette, { losses }: Scene, top: number, bottom: number, at: At): void {
   x.fillStyle = hatch(x, look.colour.loss, 4);
-  for (const { t0, t1 } of losses) {
-    const [a, b] = [at(t0), at(t1)];
-    const wide = Math.max(LOSS_PX, b - a);
-    x.fillRect((a + b - wide) / 2, top, wide, bottom - top);
+  const placed = losses.map(({ t0, t1 }) => [at(t0), at(t1)] as const);
+  for (const { from, to, share } of lossMarks(placed, LOSS_PX)) {
+    x.globalAlpha = share;
+    x.fillRect(from, top, to - from, bottom - top);
   }
+  x.globalAlpha = 1;
   x.fillStyle = look.colour.loss;
   for (const { t0, t1 } of losses)
     x.fillRect((at(t0) + at(t1) - LOSS_PX) / 2, bottom - STATUS_PX - 2, LOSS_PX, STATUS_PX);
