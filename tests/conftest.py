@@ -22,6 +22,7 @@ import inspect
 import logging
 import os
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Generator, Iterator
 from itertools import count
 from pathlib import Path
@@ -37,6 +38,7 @@ from imuscope.protocols.native import kernels as compiled
 from imuscope.recordings.system import priority
 from tests.checking import machine
 from tests.checking.affected import durations
+from tests.checking.forked_tests import unit_of
 from tests.support import browser_engine, chromium, each_row, server_process
 from tests.support.chromium import until
 from tests.support.forking import fork_server, forked_workers
@@ -158,12 +160,14 @@ def patient_shutdown() -> Iterator[None]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest files first, as the last run had them: begun last, they would run on alone. The browser's last."""
     folder = Path(__file__).parent / "browser"
-    seconds = durations()
+    seconds: defaultdict[Path, float] = defaultdict(float)
+    for name, passed in durations().items():
+        seconds[unit_of(ROOT / name)] += passed
     drives = {path: folder in path.parents for path in {item.path for item in items}}
     for item in items:
         if drives[item.path]:
             item.add_marker(pytest.mark.browser)
-    items.sort(key=lambda item: (drives[item.path], -seconds.get(item.nodeid.partition("::")[0], 0.0)))
+    items.sort(key=lambda item: (drives[item.path], -seconds[unit_of(item.path)]))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -117,6 +117,7 @@ class _Headings:
         self._request = request
         self._short = Counter((one["device"], name) for one in every for name in _short(one))
         self._long = Counter((one["device"], name) for one in every for name in _long(one))
+        self._framed = Counter((one["device"], name, one["frame"]) for one in every for name in _long(one))
 
     def of(self, info: Mapping[str, Any]) -> list[str]:
         """Those of a channel's columns."""
@@ -125,7 +126,9 @@ class _Headings:
         if any(self._short[device, name] > (name in short) for name in own):  # another channel has it
             own = [name if name.startswith(f"{message}.") else f"{message}.{name}" for name in own]
             if any(self._long[device, name] > (name in long) for name in own):
-                own = [f"{name} #{info['id']}" for name in own]
+                own = [f"{name}[{info['frame']}]" for name in own]
+                if any(self._framed[device, name, info["frame"]] > 1 for name in _long(info)):
+                    own = [f"{name} #{info['id']}" for name in own]
         several = self._request.has_several_devices
         return [f"{self._request.device_name(device)}.{name}" for name in own] if several else own
 

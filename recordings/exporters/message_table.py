@@ -44,7 +44,8 @@ class MessageTable:
         name: of the message.
         device: id of the device.
         channels: ChannelInfo as in the manifest.
-        names: a heading for each column of each channel, unique in the table, without unit.
+        names: a heading for each column of each channel, without unit; one that is there again belongs to another
+            layout of the message, and stands in the same column.
         clocks: the device's clock readings, described like channels.
         segments: begin of each segment of the device's clock after the first, unix s: then a column has their numbers.
     """
@@ -64,12 +65,13 @@ class MessageTable:
     @property
     def columns(self) -> list[tuple[str, Mapping[str, Any], str]]:
         """Heading, ColumnInfo and frame of every column, those of the clocks first."""
-        pairs = zip(self.names, [*self.clocks, *self.channels], strict=True)
-        return [
-            (name, column, str(info["frame"]))
-            for names, info in pairs
-            for name, column in zip(names, info["columns"], strict=True)
-        ]
+        columns: dict[str, tuple[str, Mapping[str, Any], str]] = {}
+        for names, info in zip(self.names, [*self.clocks, *self.channels], strict=True):
+            for name, column in zip(names, info["columns"], strict=True):
+                first = columns.get(name, (name, column, str(info["frame"])))[1]
+                dtype = _common(first["dtype"], column["dtype"])
+                columns[name] = (name, {**first, "dtype": dtype}, str(info["frame"]))
+        return list(columns.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,7 @@ def tables(request: ExportRequest) -> list[MessageTable]:
     for table in by_message.values():
         table.clocks = clocks_of(request, table.channels[0])
         table.segments = request.segments(table.device)
-        _name(table)
+        _name(request, table)
     return list(by_message.values())
 
 
@@ -117,20 +119,51 @@ def clocks_of(request: ExportRequest, info: Mapping[str, Any]) -> list[Mapping[s
     return [one for one in request.clocks if (one["device"], one["message"], one["verified"]) == of]
 
 
-def _name(table: MessageTable) -> None:
-    """Set unique headings: with the frame for a quantity in several frames, with a number for a changed layout."""
+def _name(request: ExportRequest, table: MessageTable) -> None:
+    """Set headings: with the frame for a quantity in several frames. A quantity that a changed layout has, too, goes on
+    in its column; only one that comes twice in a packet, or in other units, has a number.
+    """
     frames: dict[str, set[str]] = {}
     for info in table.channels:
         frames.setdefault(info["name"], set()).add(info["frame"])
     counts: dict[str, int] = {"time": 1, "arrival": 1, SEGMENT: 1}
+    columns: dict[str, list[tuple[Mapping[str, Any], Mapping[str, Any]]]] = {}  # heading → channels, and their columns
     for info in (*table.clocks, *table.channels):
         frame = str(info["frame"]) if len(frames.get(info["name"], ())) > 1 else ""
         names = []
         for column in info["columns"]:
             name = heading(info, column, frame)
-            counts[name] = counts.get(name, 0) + 1
+            before = columns.setdefault(name, [])
+            if not before or not all(_continues(request, (info, column), one) for one in before):
+                counts[name] = counts.get(name, 0) + 1
             names.append(name if counts[name] == 1 else f"{name} #{counts[name]}")
+            before.append((info, column))
         table.names.append(names)
+
+
+def _continues(
+    request: ExportRequest,
+    one: tuple[Mapping[str, Any], Mapping[str, Any]],
+    other: tuple[Mapping[str, Any], Mapping[str, Any]],
+) -> bool:
+    """Whether two columns of channels are one quantity, which no packet has twice."""
+    (info, column), (before, its) = one, other
+    if info["id"] == before["id"] or (info["frame"], column["unit"]) != (before["frame"], its["unit"]):
+        return False
+    if not _common(column["dtype"], its["dtype"]):
+        return False
+    places, others = (request.columns.clock(id_, *request.rows(id_), "place") for id_ in (info["id"], before["id"]))
+    return not bool(np.isin(places, others).any())
+
+
+def _common(one: str, other: str) -> str:
+    """Type that holds the numbers of two; "" if there is none."""
+    if one == other:
+        return one
+    if BYTES in (one, other):
+        return ""
+    dtype = np.result_type(np.dtype(one), np.dtype(other)).str[1:]
+    return "" if dtype[0] == "f" and {one, other} & {"i8", "u8"} else dtype
 
 
 def heading(info: Mapping[str, Any], column: Mapping[str, Any], frame: str = "") -> str:
@@ -172,12 +205,25 @@ def batches(request: ExportRequest, table: MessageTable, step: ExportStep) -> It
                 arrays += of_their_packet(request.columns, info, joined.arrival, joined.place)
         arrays += [cells(values, missing) for values, missing in joined.columns()]
         arrays = [*arrays[:2], *map(known, arrays[2 : 2 + own]), *arrays[2 + own :]]
+        arrays = [*arrays[:2], *_continued(table, arrays[2:], heads)]
         if table.segments:
             key = np.where(joined.time == NO_TIME, joined.arrival, joined.time)
             arrays.insert(2, pa.array(np.searchsorted(table.segments, seconds(key), "right").astype(np.int32)))
         yield pa.RecordBatch.from_arrays(arrays, schema=heads)
         done += sum(hi - lo for lo, hi in window.values())
         step(done / total)
+
+
+def _continued(table: MessageTable, arrays: Sequence[pa.Array], heads: pa.Schema) -> Iterator[pa.Array]:
+    """Columns of a table: those of the layouts of a quantity as one."""
+    names = [name for own in table.names for name in own]
+    if len({*names}) == len(names):
+        yield from arrays
+        return
+    columns: dict[str, list[pa.Array]] = {}
+    for name, array in zip(names, arrays, strict=True):
+        columns.setdefault(name, []).append(array.cast(heads.field(name).type))
+    yield from (pc.coalesce(*parts) for parts in columns.values())
 
 
 def of_their_packet(columns: ColumnStore, clock: Mapping[str, Any], arrival: Ints, place: Array) -> Iterator[pa.Array]:

@@ -40,7 +40,7 @@ from imuscope.recordings.optional_packages import installation_of, lacks
 from imuscope.recordings.readers import vendor_logs
 from imuscope.recordings.readers.file_suffixes import TABLES
 from imuscope.recordings.readers.folders import METADATA, SENSOR_DATA, is_bag_folder, packet_folder, sensor_folders
-from imuscope.recordings.readers.known_files import known_file, seeming
+from imuscope.recordings.readers.known_files import is_plain_text, known_file, seeming
 from imuscope.recordings.readers.message_source import MessageSource
 from imuscope.recordings.readers.registry import (
     HEAD_BYTES,
@@ -380,7 +380,7 @@ def _unknown(path: Path, head: bytes) -> RecordingError:
         return RecordingError(f"{path.name} is {known.name}, which imuscope does not read.", known.remedy)
     with open_regular(path) as file:
         data = file.read(GUESS_BYTES)
-    if frames := damaged_frames(data):
+    if frames := damaged_sentences(data) if is_plain_text(data) else damaged_frames(data):
         return _damaged(path, frames)
     kinds = ", ".join((".mcap", *vendor_logs.log_suffixes(), ".csv", *reader_suffixes()))
     hint = f"{seeming(data)} Supported: {kinds}, and captures, whose protocol --protocol can name."

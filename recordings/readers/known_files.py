@@ -42,6 +42,7 @@ FEWEST_FRAMES = 8
 LONGEST_CHARACTER = 4  # bytes in UTF-8
 _CONTROLS = {chr(one) for one in range(32)} - set("\t\n\r\f\x1b")
 AS_CANDUMP = "Convert it to the text of candump, for instance with python -m can.logconvert IN OUT.log."
+AS_SAVED_CANDUMP = "Save it with SavvyCAN as a log of candump."
 AS_TEXT = "Give the text file that its program makes of it."
 FILES = (
     KnownFile("a PNG image", OTHER, (b"\x89PNG\r\n\x1a\n",)),
@@ -85,6 +86,7 @@ FILES = (
     ),
     KnownFile("a CAN log of Vector (BLF)", AS_CANDUMP, (b"LOGG\x90\x00\x00\x00",)),
     KnownFile("a CAN trace of PEAK (TRC)", AS_CANDUMP, (b";$FILEVERSION", b";##########", b";---+--")),
+    KnownFile("a CAN log of SavvyCAN (GVRET)", AS_SAVED_CANDUMP, (b"Time Stamp,ID,Extended,",)),
     KnownFile("a CAN log of python-can", AS_CANDUMP, (b"timestamp,arbitration_id,extended,",)),
     KnownFile("an Avro file", "Write it as Parquet or CSV.", (b"Obj\x01",)),
     KnownFile(
@@ -135,13 +137,18 @@ def seeming(data: bytes) -> str:
     """A sentence on the first bytes of a file of no known format, and what to do."""
     if len(set(data)) == 1:
         return f"All its bytes are {data[0]}, as after a copy that failed: copy it again."
+    if is_plain_text(data):
+        return "It is a text without rows of numbers: give those."
+    return "It is binary, without a mark that is known: numbers alone can be saved with numpy.save, or as CSV."
+
+
+def is_plain_text(data: bytes) -> bool:
+    """Whether the first bytes of a file are those of a text."""
     try:
         text = data.decode()
     except UnicodeDecodeError as error:
         text = data[: error.start].decode() if len(data) - error.start < LONGEST_CHARACTER else ""
-    if text and not any(one in _CONTROLS for one in text):
-        return "It is a text without rows of numbers: give those."
-    return "It is binary, without a mark that is known: numbers alone can be saved with numpy.save, or as CSV."
+    return bool(text) and not any(one in _CONTROLS for one in text)
 
 
 def known_file(head: bytes, suffix: str = "") -> KnownFile | None:

@@ -19,6 +19,7 @@ from pathlib import Path
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.dates import Order, is_moment, is_time_of_day, order_of, unix_seconds, utc_text
+from imuscope.recordings.tables.head_values import CREATED, VBO_UNITS, note, section, with_units
 from imuscope.recordings.tables.headings import ColumnHeading
 from imuscope.recordings.tables.line_marks import CELLS, NO_MARKS, LineMarks, RowLabels, labels_of, marks_of
 from imuscope.recordings.tables.options import OTHERS, TableOptions
@@ -30,8 +31,7 @@ FEWEST_ROWS = 3  # of numbers, in a file whose name does not say that it is a ta
 MAX_COLUMNS = 500  # that are read
 MOST_COLUMNS = 20_000  # of a file, of which the user names some
 LONGEST_CELL = 10_000  # characters of a row with line breaks in it: else a quotation mark is only an inch
-MAX_HEAD_LINES = 200
-CREATED = "file created on"  # of VBOX and RaceChrono, day first
+MAX_HEAD_LINES, MAX_BLANK_LINES = 200, 20
 START_NAMES = (
     *("start time", "start", "start_time", "starttime", "recording start", "logging started", "capture date"),
     *("recording date", "recorded", "recorded on", "recorded at", "log date", "session date", "date/time", "datetime"),
@@ -54,13 +54,7 @@ _UNIT = re.compile(
     re.IGNORECASE,
 )
 _SEP = re.compile(r"^\s*\"?sep=(.)\"?\s*$", re.IGNORECASE)
-_PAIR = re.compile(r"^\s*(?P<name>[^:=,;\t{}]{1,60})(?:[:=]\s*[,;\t]?|[,;\t])\s*(?P<value>.{1,200}?)\s*$")
-_EQUAL = re.compile(r"\b\w++ ?= ?[^,;=\t]+")  # a word is tried once: a note may be one of a hundred thousand letters
 _IS_TIMED = re.compile(r":|\d_\d\d-\d\d-\d\d")
-_CREATED = re.compile(r"^\s*(file created on)\s+(\d\S*)(?:\s*(?:@|at)\s*(\d\S*))?", re.IGNORECASE)
-_FORMAT = re.compile(r"\bdate format ([MdyMD]{1,4}[./-][MdyMD]{1,4}[./-][MdyMD]{1,4})")
-_START = re.compile(r"^\s*(start (?:date|time))\s+(\d\S*)\s*$", re.IGNORECASE)
-_AT_RATE = re.compile(r"\bat (\d+(?:\.\d+)? ?Hz)\b")
 _COMMENTS = ("#", "//", "% ", "%%", "@")
 _MARKS = "#/%@ \t"
 _PREFIX = re.compile(r"^[^,;\t:]*: +(?=\S)")  # before the names in a comment: "format: time, ax, ay"
@@ -162,17 +156,21 @@ def format_of(path: Path, *, may_be_narrow: bool = False) -> TableFormat:
     """
     with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace", newline="") as file:
         lines: list[str] = []
-        size = 0
+        size = blank = left_out = 0  # blank lines in a row, and those outside of the sample
         while len(lines) < SAMPLE_ROWS and size < SAMPLE_BYTES and (line := file.readline(LONGEST_LINE)):
-            lines.append(line)
+            blank = 0 if line.strip() else blank + 1
             size += len(line)
+            if blank > MAX_BLANK_LINES and len(lines) < MAX_HEAD_LINES:
+                left_out += 1
+                continue
+            lines.append(line)
         if len(lines) > 2 and not lines[-1].endswith(("\n", "\r")) and file.read(1):
             lines.pop()
     plain = [line.rstrip("\r\n") for line in lines]
     joined = _joined(plain)
     form = _format(path.name, joined, may_be_narrow=may_be_narrow)
     has_lines = len(joined) < len(plain) and form.separator != " "
-    return replace(form, has_lines=has_lines) if has_lines else form
+    return replace(form, skip=form.skip + left_out, has_lines=has_lines)
 
 
 def _joined(lines: list[str]) -> list[str]:
@@ -221,7 +219,7 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     first = heading_at = len(lines)
     padded = _padded_lines(lines, separator, count)
     for line in lines[:padded]:
-        _note(metadata, line.strip().rstrip(separator).strip(_MARKS))
+        note(metadata, line.strip().rstrip(separator).strip(_MARKS), split)
     for at, line in enumerate(lines[:MAX_HEAD_LINES]):
         if at < padded:
             continue
@@ -234,7 +232,7 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
             break
         if marks.separator and is_moment(cells[0]):
             cells[0] = "time"
-        _note(metadata, line.strip(_MARKS))
+        note(metadata, line.strip(_MARKS), split)
         if len(cells) == count - 1 and separator == " " and not is_comment and not _is_data(cells):
             shorter = cells
         if len(cells) == count > 2 and not is_comment and above[False] and cells[0] and not any(cells[1:]):
@@ -255,6 +253,11 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
     start = 0.0 if any(above.values()) else _empatica_start(rows[:2])
     may_be_narrow = may_be_narrow or start > 0
     if count == 1 and first < len(lines) and not may_be_narrow:
+        named = split(lines[first - 1], ",") if first else []
+        if len(named) > 1:
+            raise RecordingError(
+                f"{name}: {', '.join(named[1:])} have no numbers.", f"Its rows have {named[0]} alone: write them again."
+            )
         hint = "Give a table that has their times, too, or their rate: --rate 100."
         raise RecordingError(f"{name} has one column of numbers.", hint)
     if count < 2 - may_be_narrow or first == len(lines):
@@ -277,6 +280,8 @@ def _format(name: str, lines: list[str], *, may_be_narrow: bool) -> TableFormat:
         headings = ["", *headings[:-1]]
     if not headings and shorter and _numbers_rows(sample):
         headings = ["", *shorter]
+    if units := section(lines[:first], VBO_UNITS):
+        headings = with_units(headings, [one if _UNIT.fullmatch(one) and one[0] not in "([" else "" for one in units])
     if headings and index and not headings[0]:
         headings = [index, *headings[1:]]
     form = TableFormat(first, separator, decimal, headings, sample, count, metadata, marks, is_ragged, unused=unused)
@@ -307,7 +312,7 @@ def _labelled(lines: Sequence[str], labels: RowLabels) -> TableFormat:
     first = next(at for at, line in enumerate(lines) if labels.cells(line) != line)
     metadata: dict[str, str] = {}
     for line in lines[:first]:
-        _note(metadata, line.strip(_MARKS))
+        note(metadata, line.strip(_MARKS), split)
     rows = [labels.cells(line).split(CELLS) for line in lines[first:]]
     sample = [row for row in rows if len(row) == len(labels.names)]
     marks = LineMarks(labels=labels)
@@ -424,27 +429,6 @@ def _under(groups: list[str], names: list[str]) -> list[str]:
 
 def _distinct_names(cells: Sequence[str]) -> int:
     return len({*cells}) - 2 * sum(is_number(cell) or is_moment(cell) for cell in cells)
-
-
-def _note(metadata: dict[str, str], line: str) -> None:
-    """Note pairs of a name and a value, of the whole line and of its pieces, and a rate in words."""
-    quoted = split(line, ",") if '"' in line else []
-    for name, value in pairwise(quoted):
-        if name and value:
-            metadata.setdefault(name.strip().lower(), value)
-    whole = _PAIR.match(line)
-    dated = [line] if whole is not None and is_moment(whole["value"].strip("\"',; \t")) else []  # Mar 2, 2026
-    for piece in (*dated, *re.split("[,;\t]", line), line, *_EQUAL.findall(line)):
-        if (match := _PAIR.match(piece)) is not None and match["value"].strip():
-            metadata.setdefault(match["name"].strip(' "').lower(), match["value"].strip("\"',; \t"))
-    if (rate := _AT_RATE.search(line)) is not None:
-        metadata.setdefault("rate", rate[1])
-    if (created := _CREATED.match(line)) is not None:
-        metadata.setdefault(CREATED, " ".join(filter(None, created.groups()[1:])))
-    if (start := _START.match(line)) is not None:
-        metadata.setdefault(start[1].lower(), start[2])
-    if (stated := _FORMAT.search(line)) is not None:
-        metadata.setdefault("date format", stated[1])
 
 
 def _is_data(cells: Sequence[str]) -> bool:

@@ -31,6 +31,7 @@ from imuscope.server.streaming.unknown_payloads import Payloads, described
 MAX_EVENTS = 20_000  # of each device; beyond that only errors of the link are stored
 MAX_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not create unlimited files
 DEVICE_TIME = "device_time"
+EULER = "EulerAngles"  # computed from other rotations
 CLOCKS = {
     DEVICE_TIME: "Time of the device, on the clock of the host; the time axis is the arrival.",
     "utc": "UTC as the device says it, unix time.",
@@ -216,6 +217,22 @@ class RecordingSink(EventSink):
         if number:
             self._writer.append(number, [*columns[:2], *euler_columns(columns[2:])], place)
 
+    def shown(self) -> list[wire.ChannelInfo]:
+        """The channels. Computed angles are named after their rotation if the message has others: sent, or of another
+        rotation of it.
+        """
+        sources = {number: self.infos[channel] for channel, number in self._derived.items() if number}
+        others = {_of_angles(info) for info in self.infos.values() if info.name == EULER and info.id not in sources}
+        shown = []
+        for info in self.infos.values():
+            source = sources.get(info.id)
+            if source is not None and _of_angles(info) in others:
+                info = replace(info, name=f"{source.name}.{EULER}", title=f"{info.title} of {source.title}")
+            elif source is not None:
+                others.add(_of_angles(info))
+            shown.append(info)
+        return shown
+
     def _derive(self, source: wire.ChannelInfo) -> int:
         """The channel of Euler angles; 0 if they would be meaningless, without a level frame."""
         if source.frame.startswith("ECEF") or len(source.columns) not in (4, 9):
@@ -227,9 +244,7 @@ class RecordingSink(EventSink):
         ]
         words = f"Computed from {source.title or source.name}; yaw, then pitch, then roll."
         return self.advertise(
-            replace(
-                source, name="EulerAngles", title="Euler angles", kind="euler", unit="°", columns=columns, doc=words
-            )
+            replace(source, name=EULER, title="Euler angles", kind="euler", unit="°", columns=columns, doc=words)
         )
 
     def add_event(self, event: wire.EventInfo) -> wire.EventInfo:
@@ -245,3 +260,8 @@ class RecordingSink(EventSink):
 
     def remove_device(self, device: str) -> None:
         """No-op; a recording keeps its devices."""
+
+
+def _of_angles(info: wire.ChannelInfo) -> tuple[str, str, bool, str]:
+    """Key that channels of the same angles share."""
+    return info.device, info.message, info.verified, info.frame

@@ -405,7 +405,7 @@ def _manifest(
         "started": min(starts) / 1e9 if starts else None,
         "ended": max(stops) / 1e9 if stops else None,
         "devices": infos,
-        "channels": list(sink.infos.values()),
+        "channels": sink.shown(),
         "clocks": list(sink.clocks.values()),
         "payloads": list(sink.payloads.values()),
         "events": events,

@@ -1,6 +1,6 @@
 """pytest plugin: tests in several processes that are forked once all are collected (`--workers N`).
 
-    imported, collected ── fork ──> workers 1 … N: the tests of a file at a time
+    imported, collected ── fork ──> workers 1 … N: the tests of a file, or of the rules, at a time
             ^                           │
             └──────── reports ──────────┘
 
@@ -20,6 +20,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from multiprocessing.connection import Connection, Pipe, wait
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NoReturn
 
@@ -28,7 +29,13 @@ import pytest
 from tests.support.forking import fork_server
 
 BROWSERS = 2
+TOGETHER = "rules"  # a folder whose tests parse the same thousand files, which each worker would do again
 Group = list[pytest.Item]
+
+
+def unit_of(path: Path) -> Path:
+    """What one worker runs of the tests: a file, or a folder."""
+    return path.parent if path.parent.name == TOGETHER else path
 
 
 class Hooks:
@@ -70,7 +77,7 @@ class ForkedTests:
         """Distribute them, unless pytest has something else to do."""
         if session.testsfailed or session.config.option.collectonly:
             return None
-        self._groups = [list(items) for _, items in groupby(session.items, key=lambda item: item.path)]
+        self._groups = [list(items) for _, items in groupby(session.items, key=lambda item: unit_of(item.path))]
         if len(self._groups) < 2:
             return None
         session.config.hook.pytest_before_workers(config=session.config)

@@ -66,6 +66,17 @@ def test_the_first_failure_ends_all_workers_on_request(tmp_path: Path) -> None:
     assert "1 failed" in run(tmp_path, "--workers", "2", "-x")
 
 
+def test_files_that_parse_the_same_sources_run_in_one_worker(tmp_path: Path) -> None:
+    """Each of six workers parsed all of them again: 10 s of a processor."""
+    (tmp_path / "rules").mkdir()
+    for path in (*(tmp_path / "rules" / f"test_{n}.py" for n in range(3)), tmp_path / "test_other.py"):
+        path.write_text("def test_fails():\n    assert False\n")
+    workers = dict(
+        re.findall(r"\[(worker\d)\]\n[^[]*?(rules|other)\S*: AssertionError", run(tmp_path, "--workers", "3"))
+    )
+    assert sorted(workers.values()) == ["other", "rules"]
+
+
 @dataclass
 class Item:
     """As much of a test as the distribution looks at."""

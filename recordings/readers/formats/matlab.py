@@ -14,8 +14,10 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.readers.formats.array_columns import columns_of
 from imuscope.recordings.readers.formats.arrow_table import ArrowSource, first_line
 from imuscope.recordings.readers.formats.decompressing import is_bomb
-from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
+from imuscope.recordings.readers.known_files import is_plain_text
+from imuscope.recordings.readers.registry import HEAD_BYTES, FileReader, OpenRequest, register_reader
 from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.table_source import CsvSource, TableSource
 
 MAX_VARIABLE_BYTES = 1 << 30  # bytes of all variables
 MAX_DEPTH = 4
@@ -23,10 +25,14 @@ NUMBERS = {"double", "single", "logical", "int8", "uint8", "int16", "uint16", "i
 RESAVE = "Save it again with save(..., '-v7')."
 
 
-def _open(request: OpenRequest) -> ArrowSource:
+def _open(request: OpenRequest) -> TableSource:
     from scipy.io import loadmat, whosmat
 
     path = request.path
+    with open_regular(path) as file:
+        is_text = is_plain_text(file.read(HEAD_BYTES))
+    if is_text:  # save -ascii
+        return CsvSource(path, request.table)
     try:
         with open_regular(path) as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from numpy.typing import NDArray
 
@@ -21,6 +22,7 @@ from imuscope.recordings.exporters import FORMATS, ExportRequest, export
 from imuscope.recordings.exporters.file_names import table_paths
 from imuscope.recordings.exporters.formats.csv_plotjuggler import channel_topics
 from imuscope.recordings.exporters.message_table import tables
+from imuscope.recordings.exporters.request import ExportError
 from imuscope.recordings.exporters.topics import fields_of, frame_of, schema_of
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.library.export_worker import one_file
@@ -267,6 +269,31 @@ def test_a_file_that_is_exported_and_opened_again_is_the_same(name: str, export_
     """Rows without a device time were left out."""
     with imuscope.open(file_of(name, tmp_path)) as source:
         assert assert_same(export_format, source, tmp_path)
+
+
+@each_row("export_format", [name for name in FORMATS if name not in BYTES])
+@each_row("name", [*GOLDEN_FILES, "golden/xbus/sample.mtb", *FIELD_FILES])
+def test_no_export_has_a_second_column_of_one_name(name: str, export_format: str, tmp_path: Path) -> None:
+    """Absence is a value: whether a field is there makes no column, and Euler angles were there twice."""
+    with imuscope.open(file_of(name, tmp_path)) as source:
+        request = ExportRequest(store_of(source), source.path)
+        try:
+            made = export(export_format, request, tmp_path / f"run{FORMATS[export_format].suffix}")
+        except ExportError:  # nothing in it that the format can hold
+            return
+        files = [one for path in made for one in (path.rglob("*") if path.is_dir() else [path]) if one.is_file()]
+        for file in files:
+            text = pq.read_schema(file).to_string() if file.suffix == ".parquet" else _texts_of(file)
+            assert not re.search(r" #\d", text), file.name
+        assert not [one.name for one in source.signals if " #" in one.name]
+
+
+def _texts_of(file: Path) -> str:
+    """The first lines of a text; of another file the names in it, which are not packed."""
+    data = file.read_bytes()
+    if file.suffix == ".csv":
+        return b"".join(data.splitlines(keepends=True)[:2]).decode()
+    return "\n".join(re.findall(r"[A-Za-z_.\]]{3,} #\d", data.decode("latin-1")))
 
 
 @each_row("export_format", [name for name in FORMATS if name.startswith("rosbag2-")])

@@ -78,7 +78,7 @@ class LoggingDevice:
 
 def _wire(device: Simulator, family: str) -> PlayedWire:
     wire = PlayedWire(device, family, step_ns=100_000_000)
-    wire.pass_time(1)
+    wire.pass_time(0.1)
     return wire
 
 
