@@ -46,7 +46,7 @@ def log_writer(family: ProtocolInfo, log: LogFormat) -> Callable[[ExportRequest,
 def _bytes(request: ExportRequest, family: ProtocolInfo | None, out: Path, step: ExportStep) -> list[Path]:
     device = _chosen(request, family)
     with out.open("wb") as file:
-        for part in _parts(request, device, step):
+        for part in parts_of(request, device, step):
             lo, hi = _inside(part, request)
             file.write(part.data[_end(part, lo) : _end(part, hi)])
     return [out]
@@ -58,7 +58,7 @@ def _write_frames(request: ExportRequest, family: ProtocolInfo, out: Path, step:
     head = _described(request, device, family)
     with out.open("wb") as file:
         file.write(b"".join(head))
-        for data, times in _frames(_parts(request, device, step), family):
+        for data, times in _frames(parts_of(request, device, step), family):
             keep = (frame for (_, frame), time in zip(data, times, strict=True) if _is_in(time, request))
             file.write(b"".join(frame for frame in keep if frame not in head))
     return [out]
@@ -92,13 +92,13 @@ def _chosen(request: ExportRequest, family: ProtocolInfo | None) -> str:
     return str(next(iter(fits)))
 
 
-def _parts(request: ExportRequest, device: str, step: ExportStep) -> Iterator[ChunkBlock]:
-    """Blocks of received bytes that overlap the range."""
+def parts_of(request: ExportRequest, device: str, step: ExportStep, *, whole: bool = False) -> Iterator[ChunkBlock]:
+    """Blocks of received bytes that overlap the range; all of them if `whole`."""
     from imuscope.recordings.importers.open_file import open_file  # a server that lists formats reads none
 
     assert request.source is not None
-    start = None if request.t0 == -np.inf else int(request.t0 * 1e9) - 1000
-    stop = None if request.t1 == np.inf else int(request.t1 * 1e9) + 1000
+    start = None if whole or request.t0 == -np.inf else int(request.t0 * 1e9) - 1000
+    stop = None if whole or request.t1 == np.inf else int(request.t1 * 1e9) + 1000
     for part in open_file(request.source).parts(start, stop):
         if part.direction == "rx" and part.device == device:
             yield part
@@ -124,7 +124,7 @@ def _described(request: ExportRequest, device: str, family: ProtocolInfo) -> lis
     numbers = tuple(family.logs.log_header.frames) if family.logs.log_header is not None else ()
     by_number: dict[int, bytes] = {}
     whole = ExportRequest(request.columns, request.source)
-    for frames, times in _frames(_parts(whole, device, lambda share: None), family):
+    for frames, times in _frames(parts_of(whole, device, lambda share: None), family):
         for (number, frame), time in zip(frames, times, strict=True):
             if number in numbers and (number not in by_number or time / 1e9 <= request.t0):
                 by_number[number] = frame

@@ -6,6 +6,8 @@
     header.stamp            the time axis of the recording
     time of the bag         arrival at the host
 
+Messages of ROS, of a bag or of topics, are copied as they came (bag_copy.py).
+
 What no message holds is named in metadata.yaml, as custom data `imuscope.left_out`; `imuscope.rows_left_out` counts the
 samples without a message, because a number of theirs is missing, by topic; `imuscope.segments` has the times at which a
 segment of a clock begins, unix s by device.
@@ -14,7 +16,7 @@ Source: rosbag2 (docs.ros.org), "metadata.yaml", version 8, which Humble reads a
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,7 @@ from imuscope.recordings.exporters.request import ExportError, ExportRequest, Ex
 from imuscope.recordings.tables.time_units import UNITS
 from imuscope.server.devices.decode.protocol_set import sensors_of
 from imuscope.server.extensions.ros2 import type_support
+from imuscope.server.extensions.ros2.bag_copy import copy_messages
 from imuscope.server.extensions.ros2.key_expressions import name_of, node_names
 from imuscope.server.extensions.ros2.message_builder import FrameNames, MessageBuilder
 from imuscope.server.extensions.ros2.messages import builders_of, clock_builder
@@ -42,23 +45,28 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
     Raises:
         ExportError: no message holds any of the channels.
     """
-    topics = [one for device in request.columns.manifest["devices"] for one in _topics(request, device)]
-    held = {channel for _, builder in topics for channel in builder.channels}
-    infos = [*request.infos, *request.clocks, *request.payloads]
-    left_out = [info for info in infos if info["id"] not in held]
-    ranges = {info["id"]: request.rows(info["id"]) for info in infos if info["id"] in held}
-    total = sum(past - first for first, past in ranges.values())
-    if not total:
-        raise ExportError("No message of ROS holds these channels.", HINT)
     writer = Writer(out, version=8, storage_plugin=StoragePlugin[storage])
     if storage == "MCAP":
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)  # of the chunks in the file
     writer.set_custom_data("imuscope.recording", request.title)
-    writer.set_custom_data("imuscope.left_out", ", ".join(f"{one['message']}/{one['name']}" for one in left_out))
     segments = {device: begins for device, begins in request.columns.manifest.get("segments", {}).items() if begins}
     writer.set_custom_data("imuscope.segments", json.dumps(segments))
     done = 0
     with writer:
+        copied = copy_messages(request, writer, step)
+        infos = [
+            info
+            for info in (*request.infos, *request.clocks, *request.payloads)
+            if (info["device"], info["message"]) not in copied
+        ]
+        topics = [one for device in request.columns.manifest["devices"] for one in _topics(request, device, infos)]
+        held = {channel for _, builder in topics for channel in builder.channels}
+        left_out = ", ".join(f"{info['message']}/{info['name']}" for info in infos if info["id"] not in held)
+        writer.set_custom_data("imuscope.left_out", left_out)
+        ranges = {info["id"]: request.rows(info["id"]) for info in infos if info["id"] in held}
+        total = sum(past - first for first, past in ranges.values())
+        if not total and not copied:
+            raise ExportError("No message of ROS holds these channels.", HINT)
         connections = {
             topic: writer.add_connection(
                 topic, kind, msgdef=type_support.definition(kind), rihs01=type_support.type_hash(kind)
@@ -83,16 +91,21 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
     return [out]
 
 
-def _topics(request: ExportRequest, device: Mapping[str, Any]) -> list[tuple[str, MessageBuilder]]:
+def _topics(
+    request: ExportRequest, device: Mapping[str, Any], infos: Sequence[Mapping[str, Any]]
+) -> list[tuple[str, MessageBuilder]]:
     name = device.get("topic") or node_names(request.columns.manifest["devices"])[device["id"]]
     frames = FrameNames(name)
     builders = builders_of(
-        recorded_quantities(device, request.infos), frames, sensors_of(device["protocol"], device.get("product", ""))
+        recorded_quantities(device, [info for info in request.infos if info in infos]),
+        frames,
+        sensors_of(device["protocol"], device.get("product", "")),
     )
     if ATTITUDE in builders:  # a transform would give the frame of the device a second parent on a robot
         builders.pop(TRANSFORM, None)
     for info in request.clocks:
-        for at, column in enumerate(info["columns"] if info["device"] == device["id"] else ()):
+        of_this = info["device"] == device["id"] and info in infos
+        for at, column in enumerate(info["columns"] if of_this else ()):
             if scale := UNITS.get(column["unit"], 0.0):
                 place = Place(info["id"], (at,), info["message"], 1e9 * scale)
                 source = f"{info['message']}.{column['name']}"

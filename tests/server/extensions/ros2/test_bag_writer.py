@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
 
 import imuscope
 from imuscope.protocols.isb.simulator.device import IsbSimulator
@@ -21,6 +22,7 @@ from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.extensions.ros2.axes import FLIP
 from imuscope.server.library.export_worker import one_file
 from imuscope.server.settings.config import Config
+from tests.recordings.readers.formats.bags import LATE_NS, ros1_bag, ros2_bag, samples, store_of
 from tests.recordings.recorded_drive import START, drive
 from tests.recordings.store_fixtures import store
 from tests.support.each_row import each_row
@@ -174,3 +176,32 @@ def test_a_cancelled_bag_leaves_nothing(export_format: str, tmp_path: Path) -> N
     with pytest.raises(KeyboardInterrupt):
         export(export_format, ExportRequest(columns), tmp_path / "out" / "run.rosbag2", stop)
     assert list((tmp_path / "out").iterdir()) == []
+
+
+@each_row("version", [1, 2])
+def test_messages_of_a_bag_are_the_same_in_a_bag_made_of_it(version: int, tmp_path: Path) -> None:
+    """Stamps were off by up to 118 ns, covariances zero, and the frame that of the device."""
+    made = ros1_bag(tmp_path / "a.bag") if version == 1 else ros2_bag(tmp_path / "a")
+    with imuscope.open(made) as source:
+        [bag] = source.export(tmp_path / f"b{FORMATS[BAGS[0]].suffix}")
+    store = store_of(2)
+    with Reader(bag) as reader:
+        kinds = {one.topic: one.msgtype for one in reader.connections}
+        rows = [(one.topic, time, store.deserialize_cdr(data, one.msgtype)) for one, time, data in reader.messages()]
+    assert kinds == {"/imu/data": "sensor_msgs/msg/Imu", "/wheel": "own_msgs/msg/Wheel"}
+    imus = [(time, message) for topic, time, message in rows if topic == "/imu/data"]
+    assert [(stamp(one.header.stamp), one.angular_velocity.x) for _, one in imus] == samples()
+    assert [time for time, _ in imus] == [at + LATE_NS for at, _ in samples()]
+    assert {one.header.frame_id for _, one in imus} == {"imu_link"}
+    assert {one.orientation_covariance[0] for _, one in imus} == {-1.0}
+    assert {message.name for topic, _, message in rows if topic == "/wheel"} == {"left"}
+
+
+def test_a_range_of_a_bag_has_its_messages_alone(tmp_path: Path) -> None:
+    with imuscope.open(ros2_bag(tmp_path / "a")) as source:
+        [bag] = source.export(
+            tmp_path / f"b{FORMATS[BAGS[0]].suffix}", signals="angular_velocity", begin_s=1.0, end_s=2.0
+        )
+    with Reader(bag) as reader:
+        assert {one.topic for one in reader.connections} == {"/imu/data"}
+        assert 100 <= reader.message_count <= 101
