@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.encoding.lower() != "utf-8":
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may lack a degree sign
     if not words or (words[0] not in COMMANDS and words[0] not in ("-h", "--help", "--version")):
-        words.insert(0, "serve")
+        words = ["serve", *(word for word in words if word != "serve")]  # also "--port 8081 serve …"
     collects = gc.isenabled()
     if words[0] == "serve":
         gc.disable()  # a tenth of the start, and hardly anything is garbage; http_server.run enables it

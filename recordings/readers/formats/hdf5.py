@@ -18,7 +18,7 @@ import re
 import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -32,6 +32,7 @@ from imuscope.recordings.readers.formats.decompressing import is_bomb
 from imuscope.recordings.readers.formats.matlab import NUMBERS
 from imuscope.recordings.readers.registry import FileReader, OpenRequest, register_reader
 from imuscope.recordings.system.regular_file import open_regular
+from imuscope.recordings.tables.table_source import is_rate_name
 from imuscope.recordings.tables.time_units import FACTORS, LONG_SPELLINGS, SPELLINGS
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -89,6 +90,7 @@ class _Content:
     arrays: dict[str, Array] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     others: list[str] = field(default_factory=list)
+    rates: dict[str, str] = field(default_factory=dict)  # attributes that are a sampling rate
 
 
 def _open(request: OpenRequest) -> ArrowSource:
@@ -103,6 +105,7 @@ def _open(request: OpenRequest) -> ArrowSource:
             file.seek(0)
             whole = File(_Counted(file))
             content.base = int(whole.userblock_size)
+            _note_rates(content, whole.attrs)
             for name, item, problem in _items(whole, "", 0, {_place(whole)}):
                 _add(content, name, item, problem, file)
     except Exception as error:  # whatever pyfive raises for data from outside
@@ -111,7 +114,18 @@ def _open(request: OpenRequest) -> ArrowSource:
     left_out = [f"Left out: {', '.join(content.others[:10])}."] if content.others else []
     if not content.arrays:
         raise RecordingError(" ".join([f"{path.name} has no arrays of numbers.", *left_out]), RESAVE)
-    return ArrowSource(path, columns_of(path.name, content.arrays, left_out, content.units), "hdf5", request.table)
+    columns = columns_of(path.name, content.arrays, left_out, content.units)
+    columns = replace(columns, metadata={**columns.metadata, **content.rates})
+    return ArrowSource(path, columns, "hdf5", request.table)
+
+
+def _note_rates(content: _Content, attributes: Mapping[str, Any]) -> None:
+    """Note attributes of the file or of an array that are a sampling rate."""
+    for name in attributes:
+        if is_rate_name(name.lower()):
+            value = np.asarray(attributes[name])
+            is_number = value.dtype.kind in "fiu" and value.size == 1
+            content.rates[name.lower()] = str(float(value.reshape(-1)[0])) if is_number else _text(attributes[name])
 
 
 def _items(group: Any, prefix: str, depth: int, visited: set[int]) -> Iterator[tuple[str, Any, str]]:
@@ -151,6 +165,7 @@ def _add(content: _Content, name: str, item: Any, problem: str, file: BinaryIO) 
         return
     try:
         attributes: Mapping[str, Any] = item.attrs
+        _note_rates(content, attributes)
         kind = _text(attributes.get("MATLAB_class", b""))
         if "MATLAB_empty" in attributes or (content.is_matlab and kind not in NUMBERS):
             content.others.append(f"{name} ({'empty' if kind in NUMBERS else kind or 'object'})")

@@ -173,7 +173,10 @@ def evaluated(
     A fit of a stuck or clipped sensor is not a calibration: it is refused.
     """
     report = method.evaluate({name: samples.get(name, NO_SAMPLES) for name in triads}, triads, options)
-    report.sensor = triads[method.sensor].name
+    triad = triads[method.sensor]
+    report.sensor = triad.name
+    if triad.others:
+        report.notes.append(f"This is {triad.title}; the device also has {', '.join(triad.others)}.")
     if report.refusal is None:
         report.refusal = _fault(triads, samples)
     if report.refusal is not None:

@@ -17,6 +17,7 @@ import pytest
 
 from imuscope.protocols.family.decode_options import DecodeOption
 from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
+from imuscope.server import cli
 from imuscope.server.commands import arguments
 from imuscope.server.commands.completion import script
 from imuscope.server.devices.decode.decode_options import source_options
@@ -154,6 +155,15 @@ def test_the_guide_names_every_command_variable_and_setting() -> None:
     variables = [*arguments.ENVIRONMENT.values(), *map(arguments.variable_of, secrets())]
     for name in [*variables, *setting_names(), *(option.name for option in source_options())]:
         assert f"`{name}`" in settings or f"`[{name}]`" in settings, name
+
+
+def test_options_may_stand_before_the_word_serve(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: "serve" was then looked for as a file."""
+    begun: list[Any] = []
+    monkeypatch.setitem(cli._RUN, "serve", begun.append)
+    assert cli.main(["--port", "8081", "serve", "sim:xbus"]) == 0
+    [options] = begun
+    assert (options.port, options.sources) == (8081, ["sim:xbus"])
 
 
 def test_options_between_arguments_are_recognised() -> None:

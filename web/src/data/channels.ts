@@ -1,7 +1,7 @@
 /**
  * The channels of the page: each quantity of each device with the ring of its samples, shown in one frame of reference.
  *
- *     add ──▶ one source for each id sent ──arrange──▶ living: of one name the newest, and Euler angles where none are sent
+ *     add ──▶ one source for each id sent ──arrange──▶ living: of one message and name the newest, and Euler angles where none are sent
  *     take ──norm──▶ change of frame ──▶ Ring of the channel
  *                                   └──Euler angles──▶ Ring of the derived channel (negative id)
  *
@@ -101,9 +101,13 @@ export class ChannelRegistry {
   add(infos: readonly ChannelInfo[]): void {
     for (const plain of infos) {
       const key = `${plain.device} ${plain.name}`;
-      this.#messages.set(key, (this.#messages.get(key) ?? new Set()).add(plain.message));
+      const messages = (this.#messages.get(key) ?? new Set()).add(plain.message);
+      this.#messages.set(key, messages);
       if (this.#sources.has(plain.id)) continue;
-      const sent = withNorm(plain);
+      const [first] = messages;
+      // of another message, it is named as the server takes it: two of one name are never one
+      const name = plain.message === first ? plain.name : `${plain.message}/${plain.name}`;
+      const sent = withNorm({ ...plain, name });
       this.#sources.set(sent.id, {
         info: sent,
         sent,

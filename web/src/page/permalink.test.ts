@@ -8,6 +8,7 @@ it("reads what it writes", () => {
     t1: 1.7e9 + 9,
     cursor: 1.7e9 + 5,
     loop: [1.7e9 + 1, 1.7e9 + 2] as const,
+    speed: 4,
     device: "1.102",
     base: "arrival" as const,
     measure: 1.7e9 + 6,

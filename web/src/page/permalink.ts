@@ -2,7 +2,7 @@
  * Content of a link to a recording, or to Live: the range on screen, both cursors, the device, the clock, the frame, the series hidden
  * and shown, the further plots, and those put together by the user. Times are unix seconds to 0.1 ms; nothing of it is stored on the server.
  *
- *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…&plot=…&workspace=…
+ *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&speed=4&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…&plot=…&workspace=…
  */
 import type { WorldFrame } from "../data/rotations";
 import type { CustomPlot } from "../data/view";
@@ -17,6 +17,8 @@ export interface LinkedPlace {
   readonly cursor?: number;
   readonly measure?: number;
   readonly loop?: readonly [number, number];
+  /** Of playback, recorded seconds per second; absent: 1. */
+  readonly speed?: number;
   readonly device?: string;
   readonly base?: "device" | "arrival";
   readonly frame?: WorldFrame;
@@ -32,6 +34,7 @@ export interface LinkedPlace {
 
 /** Decimals of a second: finer than any sensor's sampling. */
 const URL_DIGITS = 4;
+const MAX_SPEED = 1000;
 const FRAMES: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
 
 export function readPlace(query: string): LinkedPlace {
@@ -50,7 +53,7 @@ export function readPlace(query: string): LinkedPlace {
     given.get("device") ?? "",
     given.get("base"),
   ];
-  const span = Number(given.get("span") ?? NaN);
+  const [span, speed] = [Number(given.get("span") ?? NaN), Number(given.get("speed") ?? NaN)];
   const frame = FRAMES.find((name) => name === given.get("frame"));
   const plots = plotsOfWords(given.getAll("plot"));
   const loop = (given.get("loop") ?? "").split(",").map(Number);
@@ -58,6 +61,7 @@ export function readPlace(query: string): LinkedPlace {
   return {
     ...(t0 !== undefined && t1 !== undefined && t1 > t0 ? { t0, t1 } : {}),
     ...(span > 0 && Number.isFinite(span) ? { span } : {}),
+    ...(speed > 0 && speed <= MAX_SPEED ? { speed } : {}),
     ...(cursor !== undefined ? { cursor } : {}),
     ...(measure !== undefined ? { measure } : {}),
     ...(loop.length === 2 && a !== undefined && b !== undefined && b > a ? { loop: [a, b] as const } : {}),
@@ -92,6 +96,7 @@ export function placeQuery(place: LinkedPlace): string {
   time("cursor", place.cursor);
   time("measure", place.measure);
   if (place.loop) given.set("loop", place.loop.map((t) => t.toFixed(URL_DIGITS)).join(","));
+  if (place.speed !== undefined) given.set("speed", String(place.speed));
   if (place.device) given.set("device", place.device);
   if (place.base === "arrival") given.set("base", place.base);
   if (place.frame) given.set("frame", place.frame);

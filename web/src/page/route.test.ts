@@ -1,5 +1,6 @@
+// @vitest-environment happy-dom
 import { expect, it } from "vitest";
-import { href, parse } from "./route";
+import { href, parse, route, startRoute } from "./route";
 
 it("reads what it writes, for any names", () => {
   const place = "AlignmentRotation.RotSensor";
@@ -33,4 +34,15 @@ it("opens a recording where its link says", () => {
 it("a link to Live carries the view; a plain one does not change it", () => {
   expect(parse("#/?device=2&span=5")).toMatchObject({ page: "live", query: "device=2&span=5" });
   expect(parse("#/")?.query).toBeUndefined();
+});
+
+/** Regression: an address typed without "#" opened Live. */
+it("a page that is named in the path is opened", () => {
+  history.replaceState(null, "", "/configure");
+  startRoute();
+  expect(route.value.page).toBe("configure");
+  expect(location.hash).toBe("#/configure");
+  history.replaceState(null, "", "/");
+  startRoute();
+  expect(route.value.page).toBe("live");
 });

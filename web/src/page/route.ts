@@ -116,6 +116,8 @@ export const route = signal<Route>(parse(typeof location === "undefined" ? "" : 
 export const reopened = signal(0);
 /** Starts following the address. */
 export function startRoute(): void {
+  const named = location.pathname.split("/").at(-1) ?? ""; // typed without "#": /configure
+  if (location.hash === "" && PAGES.some(({ name }) => name === named)) history.replaceState(null, "", `./#/${named}`);
   route.value = parse(location.hash) ?? LIVE; // pages of extensions are known by now
   addEventListener("hashchange", () => {
     const next = parse(location.hash);

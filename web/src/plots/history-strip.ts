@@ -12,6 +12,8 @@ import type { PlotSpec } from "../data/view";
 import { timeWindow, xOf, type TimeWindow } from "./time-window";
 import { TEXT } from "../texts/plots";
 
+/** Memory of ten minutes holds a little more, for which the strip does not become twice as long. */
+const OVER_SHARE = 0.01;
 /** Possible lengths of the strip, s: it grows in steps so that it does not crawl. */
 const LENGTHS: readonly number[] = [60, 120, 300, 600, 1200, 1800, 3600, 7200, 14_400, 28_800, 57_600, 86_400];
 /** Lag behind live that is reported, s. */
@@ -27,7 +29,7 @@ const MAX_MARKS = 5;
 /** Length of the strip for the stored data, s. */
 export function stripLength(held: number, window: number): number {
   const need = Math.max(held, window);
-  return LENGTHS.find((length) => length >= need * 0.999) ?? need;
+  return LENGTHS.find((length) => length >= need * (1 - OVER_SHARE)) ?? need;
 }
 
 /** Age of a mark of the strip: "−2 min". */

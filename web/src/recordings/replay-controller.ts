@@ -101,7 +101,7 @@ export class ReplayController {
         prefix: (info) =>
           (detail.devices.length > 1 ? `${info.device}/` : "") +
           (isShared(info, detail.channels) ? `${info.message}/` : ""),
-        sent: (id) => detail.channels.find((one) => one.id === id),
+        sent: (id) => this.near.sent(id),
         changeOf: (id) => this.near.changeOf(id),
       },
     };
@@ -150,6 +150,7 @@ export class ReplayController {
     const known = this.detail.devices.some(({ id }) => id === place.device);
     const device = known ? place.device : this.detail.devices[0]?.id;
     const [t0, t1] = [place.t0 ?? first, place.t1 ?? last];
+    if (place.speed) this.speed.value = place.speed;
     if (place.loop) [this.loop.value, this.looping.value] = [place.loop, true];
     if (place.hide.length + place.show.length > 0)
       this.viewState.hiddenSeries.value = takeSeries(place, this.viewState.knownNorms);
@@ -210,6 +211,7 @@ export class ReplayController {
       t1: end,
       cursor: this.head,
       ...(loop && this.looping.peek() ? { loop } : {}),
+      ...(this.speed.peek() === 1 ? {} : { speed: this.speed.peek() }),
       ...(device !== undefined ? { device } : {}),
       ...(this.viewState.measure.peek() === undefined ? {} : { measure: this.viewState.measure.peek()! }),
       ...(this.viewState.frame.peek() === undefined ? {} : { frame: this.viewState.frame.peek()! }),

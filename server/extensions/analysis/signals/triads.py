@@ -39,6 +39,7 @@ class Triad:
         name: of the channel, and of the group of columns within it if there are several.
         factor: to the unit of the calibration: °/s, m/s²; 1 for a magnetometer.
         unit: of the calibration.
+        others: further sensors of its kind on the device: "RateOfTurn of Imu6".
     """
 
     info: ChannelInfo
@@ -46,6 +47,12 @@ class Triad:
     name: str
     factor: float
     unit: str
+    others: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Name and message, unique on its device."""
+        return f"{self.name} of {self.info.message}" if self.info.message else self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,18 +95,22 @@ def sensors_in(infos: Iterable[ChannelInfo]) -> dict[str, Triad]:
                 by_sensor.setdefault(sensor, []).append(replace(triad, factor=factor, unit=shown))
                 break
     # one of that title; a channel of its own before a part of a data set; the newest of those with one name
-    return {
-        sensor: min(
-            those,
-            key=lambda one: (
-                not _NAMES[sensor][0].search(one.name),
-                one.info.kind != "vector",
-                len(one.name),
-                -one.info.id,
-            ),
-        )
-        for sensor, those in by_sensor.items()
-    }
+    return {sensor: _plainest(sensor, those) for sensor, those in by_sensor.items()}
+
+
+def _plainest(sensor: str, those: Sequence[Triad]) -> Triad:
+    """The one of several that is taken, which names the others."""
+    chosen = min(
+        those,
+        key=lambda one: (
+            not _NAMES[sensor][0].search(one.name),
+            one.info.kind != "vector",
+            len(one.name),
+            -one.info.id,
+        ),
+    )
+    others = {one.title for one in those if _NAMES[sensor][0].search(one.name)} - {chosen.title}
+    return replace(chosen, others=tuple(sorted(others)))
 
 
 def temperature_in(infos: Iterable[ChannelInfo]) -> tuple[ChannelInfo, int] | None:

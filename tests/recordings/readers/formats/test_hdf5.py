@@ -150,3 +150,15 @@ def test_claims_and_bombs_are_refused(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(hdf5, "MOST_READS", 5)
     with pytest.raises(RecordingError, match="leads back to itself"):
         open_file(tmp_path / "a.h5")
+
+
+@each_row("rate", [100, 100.0, np.array([100], np.int32), "100 Hz", np.bytes_(b"100")])
+@each_row("is_of_file", [True, False])
+def test_a_rate_in_an_attribute_counts_the_rows(rate: object, is_of_file: bool, tmp_path: Path) -> None:
+    """An array without times was refused, although the file names its sampling rate."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["acc"] = np.sin(np.arange(300.0)).reshape(100, 3)
+        (file if is_of_file else file["acc"]).attrs["sampling_rate"] = rate
+    rows = rows_of(opened(tmp_path / "a.h5", tmp_path), "acc")
+    assert len(rows.time) == 100
+    np.testing.assert_allclose(np.diff(rows.time), 0.01, atol=1e-6)

@@ -5,6 +5,7 @@ import io
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from imuscope.server import wire
 from imuscope.server.devices.decode.protocol_set import all_protocols
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.jobs.service import AnalysisService
-from imuscope.server.extensions.calibration.kinds import CalibrationInputs
+from imuscope.server.extensions.calibration.kinds import METHODS, CalibrationInputs, CalibrationOptions, evaluated
 from imuscope.server.extensions.calibration.session import MAX_SAMPLES, SampleCollector
 from imuscope.server.extensions.calibration.stretch import CalibrationJob
 from imuscope.server.links.source_url import open_link
@@ -88,6 +89,18 @@ def until(device: Rows, condition: Any) -> Any:
         return result if result["report"] and condition(result) else None
 
     return block_until(state, "the report")
+
+
+def test_a_calibration_names_its_sensor_where_there_are_two() -> None:
+    """Regression: of a rate of turn in two messages the newest was taken without a word."""
+    both = [replace(vector("1", "RateOfTurn", "°/s"), id=at, message=message) for at, message in enumerate(("A", "B"))]
+    method = METHODS["gyroscope"]
+    for infos, notes in (
+        (both, ["This is RateOfTurn of B; the device also has RateOfTurn of A."]),
+        (both[:1], []),
+    ):
+        triads = method.triads(CalibrationInputs.of(infos))
+        assert evaluated(method, triads, {}, CalibrationOptions()).notes == notes
 
 
 def test_a_magnetometer_is_calibrated_live_and_exported(device: Rows) -> None:

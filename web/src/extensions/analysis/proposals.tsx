@@ -34,7 +34,7 @@ interface Props {
 export function Proposals({ names, choose }: Props) {
   if (names.length === 0) return null;
   return (
-    <p class="analysis-row" role="group" aria-label={TEXT.deviceHas}>
+    <p class="control-row" role="group" aria-label={TEXT.deviceHas}>
       {TEXT.deviceHas}
       {names.map((name) => (
         <Button key={name} look="small edge" words={name} onClick={() => choose(name)} />
