@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Floats
+from imuscope.protocols.arrays import Floats, Ints
+from imuscope.protocols.clocks.unix_time import NO_TIME, seconds
 
 if TYPE_CHECKING:
     import pandas
@@ -99,15 +100,25 @@ class Signal:
         return f"<Signal {self.title!r} of {self.device.name}: {len(self)} × {len(self.columns)} {units}".rstrip() + ">"
 
     @functools.cached_property
+    def time_ns(self) -> Ints:
+        """(n,) unix ns: the device's clock, mapped to the host's; the arrival where a message has no device time."""
+        times = self._store.clock_ns(self._channel, self.start, self.stop, "time")
+        return _constant(np.where(times == NO_TIME, self.arrival_ns, times))
+
+    @functools.cached_property
+    def arrival_ns(self) -> Ints:
+        """(n,) unix ns: when the bytes arrived at the host."""
+        return _constant(self._store.clock_ns(self._channel, self.start, self.stop, "arrival"))
+
+    @functools.cached_property
     def time(self) -> Floats:
-        """(n,) unix s: the device's clock, mapped to the host's; the arrival where a message has no device time."""
-        times = self._store.clock(self._channel, self.start, self.stop, "time")
-        return _constant(np.where(np.isnan(times), self.arrival, times))
+        """(n,) unix s, as near to `time_ns` as a float is: 0.2 µs."""
+        return _constant(seconds(self.time_ns))
 
     @functools.cached_property
     def arrival(self) -> Floats:
-        """(n,) unix s: when the bytes arrived at the host."""
-        return _constant(self._store.clock(self._channel, self.start, self.stop, "arrival"))
+        """(n,) unix s, as near to `arrival_ns` as a float is."""
+        return _constant(seconds(self.arrival_ns))
 
     @functools.cached_property
     def values(self) -> NDArray[Any]:
@@ -193,29 +204,31 @@ class Signal:
         return [self._part(self.start + a, self.start + b) for a, b in pairwise(edges) if b > a]
 
     def to_arrow(self) -> pyarrow.Table:
-        """A table with `time`, `arrival` and a column for each of this signal's; units and frame in its metadata.
+        """A table with `time`, `arrival` (moments to the ns, UTC) and a column for each of this signal's; units and
+        frame in its metadata.
 
         >>> gyr.to_arrow().column_names
         ['time', 'arrival', 'x', 'y', 'z']
         """
         import pyarrow as pa
 
-        arrays = [self.time, self.arrival, *(self.column(k) for k in range(len(self.columns)))]
-        units = ("s", "s", *self.units)
+        moment = pa.timestamp("ns", "UTC")
+        arrays = [pa.array(clock, moment) for clock in (self.time_ns, self.arrival_ns)]
+        arrays += [pa.array(self.column(k)) for k in range(len(self.columns))]
+        units = ("", "", *self.units)
         names = ("time", "arrival", *_distinct(self.columns))
         fields = [
-            pa.field(name, pa.from_numpy_dtype(array.dtype), metadata={"unit": unit} if unit else None)
+            pa.field(name, array.type, metadata={"unit": unit} if unit else None)
             for name, array, unit in zip(names, arrays, units, strict=True)
         ]
         about = {"name": self.name, "title": self.title, "device": self.device.name, "frame": self.frame}
         schema = pa.schema(fields, metadata={key: value for key, value in about.items() if value})
-        return pa.table([pa.array(array) for array in arrays], schema=schema)
+        return pa.table(arrays, schema=schema)
 
     def to_pandas(self) -> pandas.DataFrame:
         """The table in pandas, with the time as its index, UTC."""
-        frame = self.to_arrow().to_pandas()
-        frame.index = _pandas().to_datetime(frame.pop("time"), unit="s", utc=True)
-        return frame
+        _pandas()
+        return self.to_arrow().to_pandas().set_index("time")
 
     def to_polars(self) -> polars.DataFrame:
         """The table in Polars."""

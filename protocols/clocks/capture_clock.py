@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imuscope.protocols.arrays import Floats
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
 
 ASTRAY_NS = 500_000_000  # at a step: rows this far from the time by the offset get a new one
@@ -41,12 +41,12 @@ class CaptureClock(ClockSync):
         """Find the offset again."""
         self._offset = None
 
-    def map_to_host(self, parts: Sequence[TimedRows]) -> list[Floats]:
-        """Times of the rows of each non-empty part, unix s."""
+    def map_to_host(self, parts: Sequence[TimedRows]) -> list[Ints]:
+        """Times of the rows of each non-empty part, unix ns."""
         parts = [part for part in parts if len(part.device)]
         if not parts:
             return []
-        out = [np.empty(len(part.device)) for part in parts]
+        out = [np.empty(len(part.device), np.int64) for part in parts]
         edges = [edge for edge in self._steps if edge <= max(_end(part) for part in parts)]
         self._steps = self._steps[len(edges) :]
         begin = [0] * len(parts)
@@ -59,7 +59,7 @@ class CaptureClock(ClockSync):
                 self._anchor([part for part in rest if len(part.device)])
         return out
 
-    def _segment(self, parts: Sequence[TimedRows], rows: Sequence[slice], out: Sequence[Floats]) -> None:
+    def _segment(self, parts: Sequence[TimedRows], rows: Sequence[slice], out: Sequence[Ints]) -> None:
         some = [part.rows(which) for part, which in zip(parts, rows, strict=True) if which.start < which.stop]
         if not some:
             return
@@ -67,7 +67,7 @@ class CaptureClock(ClockSync):
             self._offset = _offset(some)
             self.restarts += 1
         for part, which, times in zip(parts, rows, out, strict=True):
-            times[which] = (part.device[which] + self._offset) / 1e9
+            times[which] = part.device[which] + self._offset
 
     def _anchor(self, rest: Sequence[TimedRows]) -> None:
         """Find the offset of the rows after a step, unless the arrivals went along (a pause)."""

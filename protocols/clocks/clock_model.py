@@ -50,7 +50,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.clocks.delay_stats import RECENT_NS, DelaySpread, DelayStatistics
 from imuscope.protocols.clocks.kernels import host_times
 
@@ -240,10 +240,10 @@ class ClockModel:
             return float(self._knot_h[0] + (x - self._knot_x[0]) * self._final_slope)
         return float(np.interp(x, self._knot_x[:n], self._knot_h[:n]))
 
-    def host(self, device: Array) -> NDArray[np.float64]:
-        """Unix seconds of device times."""
+    def host(self, device: Array) -> Ints:
+        """Unix ns of device times."""
         knots = self._knot_x, self._knot_h, self._breakpoints
-        host = np.empty(len(device))
+        host = np.empty(len(device), np.int64)
         host_times(
             np.ascontiguousarray(device, np.int64), self.origin, self.host_origin, *knots, self._final_slope, host
         )

@@ -27,11 +27,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.protocols.arrays import Array, Floats
+from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clocks.clock_model import ClockModel
 from imuscope.protocols.clocks.delay_stats import MIN_DELAYS, DelaySpread, DelayStatistics
 from imuscope.protocols.clocks.kernels import decreases, delays_of
+from imuscope.protocols.clocks.unix_time import NO_TIME
 
 LATE_NS = 10e9
 CONFIRM_ROWS = 3
@@ -125,7 +126,7 @@ class ClockSync:
         self._candidate: ClockModel | None = None
         self._candidate_rows = 0
         self._last: dict[int, int] = {}  # source → its last device time
-        self._published: dict[int, float] = {}  # source → its last published host time
+        self._published: dict[int, int] = {}  # source → its last published host time
         self._counts: dict[int, int] = {}  # source → rows
         self._running: dict[int, int] = {}  # the same, row by row within a drain
         self._is_cautious = False  # the rows of this drain need checking one by one
@@ -133,11 +134,11 @@ class ClockSync:
 
     # -- input ---------------------------------------------------------------------------------------------------------
 
-    def map_to_host(self, parts: Sequence[TimedRows]) -> list[Floats]:
+    def map_to_host(self, parts: Sequence[TimedRows]) -> list[Ints]:
         """Learn from the rows of a drain and map them.
 
         Returns:
-            Host time of the rows of each non-empty part, unix s; it never decreases within a source.
+            Host time of the rows of each non-empty part, unix ns; it never decreases within a source.
         """
         self.discontinuities = []
         parts = [part for part in parts if len(part.device)] if not all(len(part.device) for part in parts) else parts
@@ -159,7 +160,7 @@ class ClockSync:
                 self._last[part.source] = int(part.device[-1])
         return [self._monotonic(part.source, one) for part, one in zip(parts, host_times, strict=True)]
 
-    def _map_all(self, parts: Sequence[TimedRows], *, back: bool) -> list[Floats]:
+    def _map_all(self, parts: Sequence[TimedRows], *, back: bool) -> list[Ints]:
         """Process the rows of several messages, in stream order."""
         counts = [len(part.device) for part in parts]
         offset = np.concatenate([part.offset for part in parts])
@@ -168,21 +169,21 @@ class ClockSync:
         source = np.repeat([part.source for part in parts], counts)
         device = np.concatenate([part.device for part in parts])
         arrival = np.concatenate([part.arrival for part in parts])
-        host = np.empty(len(order))
+        host = np.empty(len(order), np.int64)
         rows = _Rows(device[order], arrival[order], offset[order], size[order], source[order])
         host[order] = self._add(rows, back=back)
         ends = np.cumsum(counts).tolist()
         return [host[end - count : end] for end, count in zip(ends, counts, strict=True)]
 
-    def add(self, device_ns: Array, arrival_ns: Array, size: int = 0, source: int = 0) -> Floats:
+    def add(self, device_ns: Array, arrival_ns: Array, size: int = 0, source: int = 0) -> Ints:
         """`map_to_host` of rows of one message; see TimedRows."""
         host_times = self.map_to_host([TimedRows(device_ns, arrival_ns, None, size, source)])
-        return host_times[0] if host_times else np.zeros(0)
+        return host_times[0] if host_times else np.zeros(0, np.int64)
 
-    def host(self, device_ns: Array) -> Floats:
-        """Host time of device times by the current mapping, (n,) float64 unix s. NaN before the first row."""
+    def host(self, device_ns: Array) -> Ints:
+        """Host time of device times by the current mapping, (n,) unix ns. NO_TIME before the first row."""
         if self._now is None:
-            return np.full(len(device_ns), np.nan)
+            return np.full(len(device_ns), NO_TIME)
         other = self._before
         if other is None or len(device_ns) == 0:
             return self._now.host(device_ns)
@@ -191,14 +192,14 @@ class ClockSync:
             return self._now.host(device_ns)
         return np.where(mine, self._now.host(device_ns), other.host(device_ns))
 
-    def _add(self, rows: _Rows, *, back: bool) -> Floats:
+    def _add(self, rows: _Rows, *, back: bool) -> Ints:
         """Learn and map, a block at a time, with the knowledge at that point."""
         if len(rows) <= BLOCK_ROWS:
             return self._block(rows, back=back)
         starts = range(0, len(rows), BLOCK_ROWS)
         return np.concatenate([self._block(rows.rows(slice(at, at + BLOCK_ROWS)), back=back) for at in starts])
 
-    def _block(self, rows: _Rows, *, back: bool) -> Floats:
+    def _block(self, rows: _Rows, *, back: bool) -> Ints:
         device = rows.device
         sent, waited = self._sent(rows)
         now = self._now
@@ -256,26 +257,26 @@ class ClockSync:
             return True
         return int(device[0]) < self._last.get(source, FIRST_NS)
 
-    def _monotonic(self, source: int, host: Floats) -> Floats:
+    def _monotonic(self, source: int, host: Ints) -> Ints:
         """Limit mapped times so that no later time of the same message is earlier."""
-        latest = self._published.get(source, -np.inf)
+        latest = self._published.get(source, NO_TIME)
         if len(host) and host[0] < latest:
             host = np.maximum(host, latest)
         if len(host) > 1 and self._is_cautious:
             host = np.maximum.accumulate(host)
         if len(host):
-            self._published[source] = float(host[-1])
+            self._published[source] = int(host[-1])
         return host
 
     # -- steps
 
-    def _row_by_row(self, rows: _Rows, sent: Array, waited: Array) -> Floats:
+    def _row_by_row(self, rows: _Rows, sent: Array, waited: Array) -> Ints:
         """Check rows one by one when some do not fit the mapping."""
         self._is_cautious = True
         n = len(rows)
         sources = np.broadcast_to(rows.source, n).tolist()
         sizes = np.broadcast_to(rows.size, n).tolist()
-        out = np.empty(n)
+        out = np.empty(n, np.int64)
         each = zip(rows.device.tolist(), sent.tolist(), rows.arrival.tolist(), sources, sizes, strict=True)
         for row, (d, s, a, source, size) in enumerate(each):
             now = self._now

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imuscope.protocols.arrays import Floats
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
 
 MOST_SOURCES = 1024
@@ -21,8 +21,8 @@ class StampClock(ClockSync):
         super().__init__()
         self._newest: dict[int, int] = {}
 
-    def map_to_host(self, parts: Sequence[TimedRows]) -> list[Floats]:
-        """Times of the rows of each part, unix s."""
+    def map_to_host(self, parts: Sequence[TimedRows]) -> list[Ints]:
+        """Times of the rows of each part, unix ns."""
         self.discontinuities = []
         out = []
         for part in parts:
@@ -32,5 +32,5 @@ class StampClock(ClockSync):
             times = np.maximum(times, self._newest.get(part.source, 0))
             if len(times):
                 self._newest[part.source] = int(times[-1])
-            out.append(times // 10**9 + times % 10**9 / 1e9)  # nearer than times / 1e9
+            out.append(times)
         return out

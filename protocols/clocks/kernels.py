@@ -7,6 +7,8 @@ of them.
 from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.native.kernels import FLAG, FLOAT, FLOATS, INT, INTS, NOTHING, TRIPLE, compiled, inlined
 
+NO_TIME = -(1 << 63)  # in place of a time in ns, where there is none
+
 
 @inlined
 def _after(sorted_values: Floats | Ints, count: int, value: float) -> int:
@@ -66,7 +68,7 @@ def delays_of(
     return least, first, last
 
 
-@compiled(NOTHING, INTS, INT, INT, FLOATS, FLOATS, INT, FLOAT, FLOATS)
+@compiled(NOTHING, INTS, INT, INT, FLOATS, FLOATS, INT, FLOAT, INTS)
 def host_times(
     device: Ints,
     origin: int,
@@ -75,9 +77,9 @@ def host_times(
     knot_h: Floats,
     knots: int,
     slope: float,
-    host: Floats,
+    host: Ints,
 ) -> None:
-    """Host time of device times by a mapping, unix s: linear between its first `knots` knots, with `slope` beyond.
+    """Host time of device times by a mapping, unix ns: linear between its first `knots` knots, with `slope` beyond.
 
     Args:
         host: receives the result.
@@ -92,7 +94,17 @@ def host_times(
         else:
             k = _after(knot_x, knots, x) - 1
             h = (knot_h[k + 1] - knot_h[k]) / (knot_x[k + 1] - knot_x[k]) * (x - knot_x[k]) + knot_h[k]
-        host[i] = h * 1e-9 + host_origin * 1e-9
+        host[i] = host_origin + int(h)
+
+
+@compiled(NOTHING, INTS, FLOAT, FLOATS)
+def float_seconds(times_ns: Ints, none: float, out: Floats) -> None:
+    """Seconds of times in ns, each the nearest float; `none` in place of NO_TIME."""
+    for i in range(len(times_ns)):
+        whole = times_ns[i] // 1_000_000_000
+        out[i] = float(whole) + float(times_ns[i] - whole * 1_000_000_000) / 1e9
+        if times_ns[i] == NO_TIME:
+            out[i] = none
 
 
 @compiled(FLAG, INTS)

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.recordings.columns.store import ChannelLayout, ExactRows
+from imuscope.recordings.columns.rows import ExactRows
+from imuscope.recordings.columns.store import ChannelLayout
 
 NAME = "payloads.bin"
 SHAPE = ChannelLayout(("u8", "u4"), (False, False))
@@ -67,7 +68,7 @@ def payloads_of(folder: Path, rows: ExactRows) -> ExactRows:
             if int((begins + sizes).max()) > len(bytes_):
                 raise ValueError(f"{NAME} in {folder.name} is too short")
             payloads[:] = _pieces(bytes_, begins.tolist(), sizes.tolist())
-    return ExactRows(rows.arrival, rows.time, [payloads])
+    return ExactRows(rows.arrival_ns, rows.time_ns, [payloads])
 
 
 def _pieces(data: mmap.mmap, begins: Sequence[int], sizes: Sequence[int]) -> list[bytes]:

@@ -11,10 +11,10 @@ two files, mapped into memory, an index and a manifest:
 A query reads the coarsest level with at least eight summaries for each bucket: it reads a few hundred kilobytes, never
 the whole column.
 
-`key` is the search key in the device base: device time mapped to host time, or the arrival if there is none, made
-non-decreasing, because a sample may carry a time older than its neighbours'. `place` is the position of the packet in
-its stream: rows with the same arrival and place came in one packet. Quantities of one message have the same clocks,
-which are written once.
+`arrival` and `time` are whole ns. `key`, float s, is the search key in the device base: device time mapped to host
+time, or the arrival if there is none, made non-decreasing, because a sample may carry a time older than its
+neighbours'. `place` is the position of the packet in its stream: rows with the same arrival and place came in one
+packet. Quantities of one message have the same clocks, which are written once.
 
 Stores are a cache: written to a temporary folder and renamed, never changed afterwards, deletable at any time. A store
 can be read while it is being made (`ColumnStoreWriter.show`): blocks are only added, and the index is replaced whole.
@@ -30,17 +30,19 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Array, Floats
+from imuscope.protocols.arrays import Array, Floats, Ints
+from imuscope.protocols.clocks.unix_time import NO_TIME, nanoseconds, seconds
 from imuscope.recordings.columns.downsampling import FAR_LEVELS, LEVELS, LevelOffsets, level_offsets, padding, reduce
+from imuscope.recordings.columns.rows import ExactRows, MinMaxBuckets, cuts
 from imuscope.recordings.system import atomic_write
 
 Base = Literal["device", "arrival"]
 Clock = Literal["key", "arrival", "time", "place"]
 _CLOCKS: tuple[Clock, ...] = ("key", "arrival", "time", "place")
+_EXACT = ("arrival", "time")  # whole ns
 
-VERSION = 4
+VERSION = 5
 BLOCK_ROWS = 1 << 16
 PER_BUCKET = 8  # least number of summaries in a bucket
 INDEX = np.dtype(
@@ -64,61 +66,6 @@ class ChannelLayout:
 
     dtypes: tuple[str, ...]
     status: tuple[bool, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class ExactRows:
-    """Rows as stored: (n,) each."""
-
-    arrival: Floats
-    time: Floats
-    columns: list[Array]
-
-    def __len__(self) -> int:
-        return len(self.arrival)
-
-
-@dataclass(frozen=True, slots=True)
-class MinMaxBuckets:
-    """Summarised rows: (m,) each; a bucket without rows is left out.
-
-    Args:
-        t: the first key (or arrival) in the bucket, unix s.
-        n: rows in it.
-        low, high: of each column the least and greatest value; of a status word the bits of any row, and of all.
-    """
-
-    t: Floats
-    n: NDArray[np.int64]
-    low: list[Array]
-    high: list[Array]
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-
-def downsample(rows: ExactRows, t: Floats, status: Sequence[bool], grid: tuple[float, float, int]) -> MinMaxBuckets:
-    """Buckets of rows in memory (a live ring): same result as a store's query for these rows.
-
-    Args:
-        t: (n,) non-decreasing time of each row, unix s.
-        status: for each column, whether it is a flag word.
-        grid: t0, t1, number of buckets.
-    """
-    cuts = _cuts(t, grid)
-    return MinMaxBuckets(
-        t[cuts],
-        np.diff(cuts, append=len(t)),
-        [reduce(column, cuts, flags, 0) for column, flags in zip(rows.columns, status, strict=True)],
-        [reduce(column, cuts, flags, 1) for column, flags in zip(rows.columns, status, strict=True)],
-    )
-
-
-def _cuts(t: Floats, grid: tuple[float, float, int]) -> NDArray[np.int64]:
-    """Start in `t` of each non-empty bucket of the grid."""
-    t0, t1, width = grid
-    place = np.clip(((t - t0) * (width / max(t1 - t0, 1e-9))).astype(np.int64), 0, width - 1)
-    return np.flatnonzero(np.diff(np.maximum.accumulate(place), prepend=-1))
 
 
 class ColumnStoreWriter:
@@ -149,7 +96,8 @@ class ColumnStoreWriter:
         self._rows[number] = 0
 
     def append(self, number: int, columns: Sequence[Array], place: Array | None = None) -> None:
-        """Append rows: `arrival`, `time` (unix s; NaN without a clock), then the channel's own columns.
+        """Append rows: `arrival`, `time` (unix ns, or s as floats; NO_TIME or NaN without a clock), then the channel's
+        own columns.
 
         Args:
             place: (n,) position of each row's packet in its stream; None for rows that came in no packet.
@@ -157,7 +105,8 @@ class ColumnStoreWriter:
         if len(columns[0]) == 0:
             return
         place = np.full(len(columns[0]), -1.0) if place is None else np.asarray(place, np.float64)
-        self._waiting[number].append([*columns[:2], place, *columns[2:]])
+        clocks = [one if one.dtype == np.int64 else nanoseconds(one) for one in columns[:2]]
+        self._waiting[number].append([*clocks, place, *columns[2:]])
         self._rows[number] += len(columns[0])
         if self._rows[number] >= BLOCK_ROWS:
             self._write(number, everything=False)
@@ -231,9 +180,8 @@ class ColumnStoreWriter:
         self._rows[number] = rows - start
 
     def _block(self, number: int, shape: ChannelLayout, columns: list[Array]) -> None:
-        arrival = np.ascontiguousarray(columns[0], np.float64)
-        time = np.ascontiguousarray(columns[1], np.float64)
-        key = np.where(np.isnan(time), arrival, time)
+        arrival, time = (np.ascontiguousarray(column, np.int64) for column in columns[:2])
+        key = seconds(np.where(time == NO_TIME, arrival, time))
         key[0] = max(key[0], self._newest.get(number, -np.inf))
         key = np.maximum.accumulate(key)
         clocks, far_clocks = self._clocks((key, arrival, time, np.ascontiguousarray(columns[2])))
@@ -249,7 +197,7 @@ class ColumnStoreWriter:
             step = level
             for array in (*low, *high):
                 (self._far if level in FAR_LEVELS else self._near).put(array)
-        ends = (float(key[0]), float(key[-1]), float(arrival.min()), float(arrival.max()))
+        ends = (float(key[0]), float(key[-1]), *seconds(np.array([arrival.min(), arrival.max()])).tolist())
         self._index.append((number, len(key), clocks, values, far_clocks, far_values, *ends))
         self._newest[number] = float(key[-1])
 
@@ -257,14 +205,14 @@ class ColumnStoreWriter:
         """Offsets of these clocks and their levels; written once if several quantities of a message share them."""
         for known, at in self._written:
             if all(np.array_equal(a.view(np.int64), b.view(np.int64)) for a, b in zip(known, clocks, strict=True)):
-                return at  # also where a time is missing (NaN), which equals itself by its bits
+                return at
         at = self._near.at, self._far.at
         for array in clocks:
             self._near.put(array)
         for level in LEVELS:
             file = self._far if level in FAR_LEVELS else self._near
             file.put(np.ascontiguousarray(clocks[0][::level]))
-            file.put(np.ascontiguousarray(clocks[1][::level]))
+            file.put(seconds(clocks[1][::level]))
         self._written.append((clocks, at))
         return at
 
@@ -371,7 +319,7 @@ class ColumnStore:
         for block, a, b in self._within(channel, lo, hi):
             for part, name in zip(parts, names, strict=True):
                 part.append(self._column(channel, block, name)[a:b])
-        dtypes = ["f8", "f8", *(self.shapes[channel].dtypes[i] for i in selected)]
+        dtypes = ["i8", "i8", *(self.shapes[channel].dtypes[i] for i in selected)]
         whole = [np.concatenate(p) if p else np.empty(0, "<" + d) for p, d in zip(parts, dtypes, strict=True)]
         return ExactRows(whole[0], whole[1], whole[2:])
 
@@ -402,9 +350,14 @@ class ColumnStore:
         return lo, max(lo, self._row(channel, t1, "right", base))
 
     def clock(self, channel: int, lo: int, hi: int, name: Clock = "key") -> Floats:
-        """One clock of the rows lo ≤ row < hi; `key` is the non-decreasing search key."""
+        """One clock of the rows lo ≤ row < hi, s; `key` is the non-decreasing search key."""
         parts = [self._column(channel, block, name)[a:b] for block, a, b in self._within(channel, lo, hi)]
-        return np.concatenate(parts) if parts else np.empty(0)
+        return np.concatenate([seconds(one) if name in _EXACT else one for one in parts]) if parts else np.empty(0)
+
+    def clock_ns(self, channel: int, lo: int, hi: int, name: Literal["arrival", "time"]) -> Ints:
+        """As `clock`, in whole ns."""
+        parts = [self._column(channel, block, name)[a:b] for block, a, b in self._within(channel, lo, hi)]
+        return np.concatenate(parts) if parts else np.empty(0, np.int64)
 
     def values(self, channel: int, column: int, lo: int, hi: int) -> Iterator[Array]:
         """One own column of the rows lo ≤ row < hi, block by block."""
@@ -422,6 +375,8 @@ class ColumnStore:
         if at == len(blocks):
             return self.rows(channel)
         values = self._column(channel, at, name)
+        if name in _EXACT:
+            values = seconds(values)
         return int(self._firsts[channel][at]) + int(np.searchsorted(values, t, side))
 
     def _within(self, channel: int, lo: int, hi: int) -> list[tuple[int, int, int]]:
@@ -451,7 +406,8 @@ class ColumnStore:
         for block, a, b in self._within(channel, lo, hi):
             rows = int(self._blocks[channel]["rows"][block])
             first, past = a // step, -(-b // step)  # summaries across an end are included: nothing is hidden
-            times.append(self._column(channel, block, name, step)[first:past])
+            t = self._column(channel, block, name, step)[first:past]
+            times.append(seconds(t) if step == 1 and name in _EXACT else t)
             n = np.full(past - first, step, np.int64)
             if past * step > rows and past > first:
                 n[-1] = rows - (past - 1) * step
@@ -460,12 +416,12 @@ class ColumnStore:
                 lows[i].append(self._column(channel, block, column, step, 0)[first:past])
                 highs[i].append(self._column(channel, block, column, step, 1)[first:past])
         t = np.concatenate(times)
-        cuts = _cuts(t, grid)
+        at = cuts(t, grid)
         return MinMaxBuckets(
-            t[cuts],
-            np.add.reduceat(np.concatenate(counts), cuts),
-            [reduce(np.concatenate(low), cuts, status[c], 0) for low, c in zip(lows, selected, strict=True)],
-            [reduce(np.concatenate(high), cuts, status[c], 1) for high, c in zip(highs, selected, strict=True)],
+            t[at],
+            np.add.reduceat(np.concatenate(counts), at),
+            [reduce(np.concatenate(low), at, status[c], 0) for low, c in zip(lows, selected, strict=True)],
+            [reduce(np.concatenate(high), at, status[c], 1) for high, c in zip(highs, selected, strict=True)],
         )
 
     # -- offsets of columns --------------------------------------------------------------------------------------------
@@ -479,7 +435,7 @@ class ColumnStore:
             where = self._places[channel] = level_offsets(self._blocks[channel], sizes)
         if isinstance(name, str):
             at = int(where.clocks[step][block, _CLOCKS.index(name)])
-            return data[at : at + 8 * n].view("<f8")
+            return data[at : at + 8 * n].view("<i8" if step == 1 and name in _EXACT else "<f8")
         dtype = self._own[channel][name]
         at = int(where.values[step][block, name + (len(self._own[channel]) if which and step > 1 else 0)])
         return data[at : at + n * dtype.itemsize].view(dtype)

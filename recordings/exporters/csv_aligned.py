@@ -22,7 +22,15 @@ import numpy as np
 import pyarrow as pa
 
 from imuscope.recordings.exporters.csv_tables import heading, lines
-from imuscope.recordings.exporters.message_table import WINDOW, cells, clocks_of, frame_label, known, of_their_packet
+from imuscope.recordings.exporters.message_table import (
+    WINDOW,
+    cells,
+    clocks_of,
+    frame_label,
+    known,
+    moments,
+    of_their_packet,
+)
 from imuscope.recordings.exporters.message_table import heading as named
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep, usual_interval, with_unit
 
@@ -81,8 +89,8 @@ def _batch(
     columns = request.columns
     rows = request.exact(leader, lo, hi)
     times, place = columns.clock(leader["id"], lo, hi), columns.clock(leader["id"], lo, hi, "place")
-    arrays = [pa.array(rows.time, mask=np.isnan(rows.time)), pa.array(rows.arrival)]
-    arrays += [known(values) for info in clocks for values in of_their_packet(columns, info, rows.arrival, place)]
+    arrays = [moments(rows.time_ns), moments(rows.arrival_ns)]
+    arrays += [known(values) for info in clocks for values in of_their_packet(columns, info, rows.arrival_ns, place)]
     arrays += map(cells, rows.columns)
     for held in others:
         number = held.info["id"]

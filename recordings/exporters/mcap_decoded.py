@@ -30,7 +30,7 @@ from mcap.opcode import Opcode
 
 from imuscope.protocols.arrays import Array, Ints
 from imuscope.protocols.messages.records import MessageChannel
-from imuscope.recordings.columns.store import ExactRows
+from imuscope.recordings.columns.rows import ExactRows
 from imuscope.recordings.exporters.entities import DeviceEntity, devices_of
 from imuscope.recordings.exporters.message_table import SEGMENT, windows
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep
@@ -204,7 +204,7 @@ def _protobuf(message: Any) -> Mapping[str, Any]:
 
 
 def _times(request: ExportRequest, rows: ExactRows) -> Ints:
-    return stamps(rows.arrival, rows.arrival if request.base == "arrival" else rows.time)
+    return stamps(rows.arrival_ns, rows.arrival_ns if request.base == "arrival" else rows.time_ns)
 
 
 def _plain(request: ExportRequest, info: Info, topic: int, rows: ExactRows) -> Messages:

@@ -22,14 +22,17 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from imuscope.protocols.arrays import Array, Ints
+from imuscope.protocols.clocks.unix_time import NO_TIME, seconds
 from imuscope.recordings.columns.payloads import BYTES
-from imuscope.recordings.columns.store import Base, Clock, ColumnStore, ExactRows
+from imuscope.recordings.columns.rows import ExactRows
+from imuscope.recordings.columns.store import Base, Clock, ColumnStore
 from imuscope.recordings.exporters.request import ExportRequest, ExportStep, with_unit
 from imuscope.recordings.exporters.topics import frame_of
 
 JoinedRows = tuple[int, int]
 
 WINDOW = 1 << 16  # rows
+MOMENT = pa.timestamp("ns", "UTC")
 SEGMENT = "segment"
 
 
@@ -73,10 +76,10 @@ class MessageTable:
 
 @dataclass(frozen=True, slots=True)
 class JoinedTable:
-    """Rows of a table: `at[i]` gives the row of `parts[i]` for each of them, −1 for none."""
+    """Rows of a table: `at[i]` gives the row of `parts[i]` for each of them, −1 for none. Times are unix ns."""
 
-    time: Array
-    arrival: Array
+    time: Ints
+    arrival: Ints
     place: Array
     parts: list[ExactRows]
     at: list[Ints | None]  # None: the identity
@@ -196,7 +199,7 @@ def batches(request: ExportRequest, table: MessageTable, step: ExportStep) -> It
     for window in windows(request.columns, ranges, base="arrival"):
         parts = [request.exact(info, *window[number]) for number, info in infos.items()]
         joined = join(parts, [request.columns.clock(number, *window[number], "place") for number in infos])
-        arrays = [pa.array(joined.time, mask=np.isnan(joined.time)), pa.array(joined.arrival)]
+        arrays = [moments(joined.time), moments(joined.arrival)]
         if table.is_rows:
             for info in table.clocks:
                 arrays += of_their_packet(request.columns, info, joined.arrival, joined.place)
@@ -204,8 +207,8 @@ def batches(request: ExportRequest, table: MessageTable, step: ExportStep) -> It
         arrays = [*arrays[:2], *map(known, arrays[2 : 2 + own]), *arrays[2 + own :]]
         arrays = [*arrays[:2], *_continued(table, arrays[2:], heads)]
         if table.segments:
-            key = np.where(np.isnan(joined.time), joined.arrival, joined.time)
-            arrays.insert(2, pa.array(np.searchsorted(table.segments, key, "right").astype(np.int32)))
+            key = np.where(joined.time == NO_TIME, joined.arrival, joined.time)
+            arrays.insert(2, pa.array(np.searchsorted(table.segments, seconds(key), "right").astype(np.int32)))
         yield pa.RecordBatch.from_arrays(arrays, schema=heads)
         done += sum(hi - lo for lo, hi in window.values())
         step(done / total)
@@ -223,18 +226,17 @@ def _continued(table: MessageTable, arrays: Sequence[pa.Array], heads: pa.Schema
     yield from (pc.coalesce(*parts) for parts in columns.values())
 
 
-def of_their_packet(columns: ColumnStore, clock: Mapping[str, Any], arrival: Array, place: Array) -> Iterator[pa.Array]:
+def of_their_packet(columns: ColumnStore, clock: Mapping[str, Any], arrival: Ints, place: Array) -> Iterator[pa.Array]:
     """Clock reading of each row; rows of one packet share it.
 
     Args:
-        arrival, place: (n,) of the rows.
+        arrival, place: (n,) of the rows; unix ns, and that of ColumnStore.clock.
     """
-    lo, hi = (
-        columns.between(clock["id"], float(arrival.min()), float(arrival.max()), "arrival") if len(arrival) else (0, 0)
-    )
+    ends = seconds(np.array([arrival.min(), arrival.max()])) if len(arrival) else np.array([0.0, -1.0])
+    lo, hi = columns.between(clock["id"], float(ends[0]), float(ends[1]), "arrival")
     clock_rows = columns.exact(clock["id"], lo, hi)
     n = len(clock_rows)
-    arrivals = np.concatenate((clock_rows.arrival, arrival))
+    arrivals = np.concatenate((clock_rows.arrival_ns, arrival))
     places = np.concatenate((columns.clock(clock["id"], lo, hi, "place"), place))
     order = np.lexsort((np.arange(len(places)) >= n, places, arrivals))  # a reading before the rows of its packet
     newest = np.maximum.accumulate(np.where(order < n, np.arange(len(order)), -1))
@@ -245,6 +247,11 @@ def of_their_packet(columns: ColumnStore, clock: Mapping[str, Any], arrival: Arr
     for column in clock_rows.columns:
         values = column[np.maximum(at, 0)] if n else np.zeros(len(at), column.dtype)
         yield pa.array(values, mask=missing)
+
+
+def moments(times_ns: Ints) -> pa.Array:
+    """Times as Arrow's, UTC; null for NO_TIME."""
+    return pa.array(times_ns, MOMENT, mask=times_ns == NO_TIME)
 
 
 def cells(values: Array, missing: Array | None = None) -> pa.Array:
@@ -263,10 +270,7 @@ def schema(table: MessageTable) -> pa.Schema:
         "time": "Device time mapped to the host's clock; empty where the message has no clock.",
         "arrival": "When its bytes arrived at the host.",
     }
-    fields = [
-        pa.field(name, pa.float64(), metadata={"unit": "s", "label": words, "epoch": "1970-01-01T00:00:00Z"})
-        for name, words in about.items()
-    ]
+    fields = [pa.field(name, MOMENT, metadata={"label": words}) for name, words in about.items()]
     if table.segments:
         fields.append(pa.field(SEGMENT, pa.int32(), metadata={"label": "Number of the segment of the clock."}))
     for name, column, frame in table.columns:
@@ -335,13 +339,13 @@ def join(parts: Sequence[ExactRows], places: Sequence[Array]) -> JoinedTable:
     if all(
         _alike(first, other) and np.array_equal(places[0], at) for other, at in zip(parts[1:], places[1:], strict=True)
     ):
-        return JoinedTable(first.time, first.arrival, places[0], list(parts), [None] * len(parts))
-    time = np.concatenate([part.time for part in parts])
-    arrival = np.concatenate([part.arrival for part in parts])
+        return JoinedTable(first.time_ns, first.arrival_ns, places[0], list(parts), [None] * len(parts))
+    time = np.concatenate([part.time_ns for part in parts])
+    arrival = np.concatenate([part.arrival_ns for part in parts])
     place = np.concatenate(places)
-    key = np.where(np.isnan(time), arrival, time)
+    key = np.where(time == NO_TIME, arrival, time)
     nth = np.concatenate(
-        [_nth(*own) for own in zip(_parted(key, parts), [part.arrival for part in parts], places, strict=True)]
+        [_nth(*own) for own in zip(_parted(key, parts), [part.arrival_ns for part in parts], places, strict=True)]
     )
     order = np.lexsort((nth, place, arrival, key))
     new = np.zeros(len(order), bool)
@@ -366,7 +370,7 @@ def _parted(values: Array, parts: Sequence[ExactRows]) -> list[Array]:
 
 
 def _alike(a: ExactRows, b: ExactRows) -> bool:
-    return np.array_equal(a.arrival, b.arrival) and np.array_equal(a.time, b.time, equal_nan=True)
+    return np.array_equal(a.arrival_ns, b.arrival_ns) and np.array_equal(a.time_ns, b.time_ns)
 
 
 def _nth(key: Array, arrival: Array, place: Array) -> Ints:

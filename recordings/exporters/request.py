@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from imuscope.recordings.columns.payloads import BYTES, payloads_of
-from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows
+from imuscope.recordings.columns.rows import ExactRows
+from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import device_names
 

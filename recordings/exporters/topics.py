@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Array
+from imuscope.protocols.clocks.unix_time import NO_TIME, nanoseconds
 from imuscope.protocols.messages.own_schema import LETTERS, letters
 
 if TYPE_CHECKING:  # imported where many rows are encoded, so that a server starts sooner
@@ -166,12 +167,14 @@ def tables(rows: pa.Array, first: Array) -> pa.Array:
 
 
 def stamps(arrival: Array, time: Array) -> NDArray[np.int64]:
-    """Nanoseconds since 1970 of each sample: its device time mapped to the host's, or its arrival. Exact, so that they
-    are the same times again when they are read.
+    """Nanoseconds since 1970 of each sample: its device time mapped to the host's, or its arrival.
+
+    Args:
+        arrival, time: unix ns, or live ones in s.
     """
-    unix = np.where(np.isfinite(time), time, arrival)
-    whole = np.floor(unix)
-    return whole.astype(np.int64) * 10**9 + np.round((unix - whole) * 1e9).astype(np.int64)
+    exact = (one if one.dtype == np.int64 else nanoseconds(one) for one in (arrival, time))
+    arrival, time = exact
+    return np.where(time == NO_TIME, arrival, time)
 
 
 def _word(text: str) -> str:

@@ -23,7 +23,8 @@ import numpy as np
 
 from imuscope.protocols.registry.families import counts_losses
 from imuscope.recordings import sidecar
-from imuscope.recordings.columns.store import ColumnStore, ExactRows
+from imuscope.recordings.columns.rows import ExactRows
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.library.recording_probe import RecordedDevice, RecordingProbe
 from imuscope.recordings.system import atomic_write
 from imuscope.recordings.system.regular_file import read_regular

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.clocks.dates import UNKNOWN, S, utc_ns
+from imuscope.protocols.clocks.unix_time import NO_TIME, seconds
 from imuscope.recordings.tables.clock import TableClock
 from imuscope.recordings.tables.dates import GPS_EPOCH, Order, seconds_of_day, unix_seconds
 
@@ -134,8 +135,8 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
         texts = _texts(joined, clock.order, of_day=clock.epoch in ("day", "start"))
         return Cells(texts.values - clock.zone, texts.odd)
     is_ns = clock.kind == "number" and clock.factors == (1e-9,) and clock.base == 10
-    if is_ns and (ns := _integers(columns[0])) is not None:
-        return Cells(_known(clock, ns // S + ns % S / S), np.empty(0, np.int64))  # more digits than a float64 has
+    if is_ns and (times := of_nanoseconds(columns[0])) is not None:
+        return Cells(_known(clock, times), np.empty(0, np.int64))
     cells = [_each(one, hexadecimal_number) if clock.base == 16 else numbers(one, decimal) for one in columns]
     odd = np.unique(np.concatenate([one.odd for one in cells]))
     if clock.kind == "utc":
@@ -155,8 +156,8 @@ def _known(clock: TableClock, values: Floats) -> Floats:
     return np.where(values == 0, np.nan, values) if is_date else values
 
 
-def _integers(column: pa.Array) -> NDArray[np.int64] | None:
-    """Cells as integers; None if one is something else."""
+def of_nanoseconds(column: pa.Array) -> Floats | None:
+    """Seconds of whole ns, which have more digits than a float64; NaN for none. None if a cell is something else."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -164,14 +165,14 @@ def _integers(column: pa.Array) -> NDArray[np.int64] | None:
         whole = pc.cast(pc.utf8_trim_whitespace(column), pa.int64())
     except pa.ArrowInvalid:
         return None
-    return None if whole.null_count else whole.to_numpy(zero_copy_only=False)
+    return seconds(whole.fill_null(NO_TIME).to_numpy(zero_copy_only=False))
 
 
 def _leap(gps: Floats) -> Floats:
     """Leap seconds by which GPS times are ahead of UTC."""
     leap = np.full(len(gps), LEAPS[-1][1] - 1)
-    for since, seconds in reversed(LEAPS):
-        leap[gps >= since + seconds] = seconds
+    for since, ahead in reversed(LEAPS):
+        leap[gps >= since + ahead] = ahead
     return leap
 
 
@@ -200,13 +201,13 @@ def _texts(column: pa.Array, order: Order, *, of_day: bool = False) -> Cells:
         try:
             plain = pc.replace_substring_regex(trimmed, "Z$", "")
             moments = pc.cast(pc.if_else(pc.equal(plain, ""), None, plain), pa.timestamp("ns"))
-            ns = moments.cast(pa.int64()).to_numpy(zero_copy_only=False).astype(np.float64)
-            return Cells(ns / 1e9, np.empty(0, np.int64))
+            ns = moments.cast(pa.int64()).fill_null(NO_TIME).to_numpy(zero_copy_only=False)
+            return Cells(seconds(ns), np.empty(0, np.int64))
         except pa.ArrowInvalid:
             pass
 
     def read(text: str) -> float | None:
-        seconds = seconds_of_day(text) if of_day else unix_seconds(text, order)
-        return seconds if seconds is not None else _plain_number(text)
+        moment = seconds_of_day(text) if of_day else unix_seconds(text, order)
+        return moment if moment is not None else _plain_number(text)
 
     return _each(trimmed, read)

@@ -25,7 +25,7 @@ from imuscope.protocols.schema.plural import counted, plural
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
 from imuscope.recordings.system.regular_file import open_regular
-from imuscope.recordings.tables.cells import are_hexadecimal, digits, numbers, sample_times, times_of
+from imuscope.recordings.tables.cells import are_hexadecimal, digits, numbers, of_nanoseconds, sample_times, times_of
 from imuscope.recordings.tables.clock import FEWEST_ROWS, MOST_TIMES, TableClock, few_times
 from imuscope.recordings.tables.clocks.axis import TimeAxis, order_words, origin_of, step_limits
 from imuscope.recordings.tables.clocks.evenness import offset_between
@@ -388,7 +388,9 @@ class CsvSource(TableSource):
         assert self.arrival_column is not None
         unit = SPELLINGS.get(self.headings[self.arrival_column].unit.lower(), "")
         factor = UNITS[unit] if unit else axis.clock.factors[-1] if axis.clock.kind == "number" else 1.0
-        return numbers(column, self.form.decimal).values * factor + axis.origin
+        whole = of_nanoseconds(column) if factor == UNITS["ns"] else None
+        times = numbers(column, self.form.decimal).values * factor if whole is None else whole
+        return times + axis.origin
 
     # -- what cannot be read -------------------------------------------------------------------------------------------
 

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
+from imuscope.protocols.clocks.unix_time import seconds
 from imuscope.protocols.events import Batch
 from imuscope.protocols.rotations import euler_columns
 from imuscope.protocols.schema.fields import Message
@@ -101,11 +103,14 @@ class RecordingSink(EventSink):
         for piece in pieces:
             info = self.infos[piece.channel]
             columns = piece.columns
+            counted = columns[:2]
+            if piece.exact is not None:
+                columns = [*piece.exact, *columns[2:]]
             if self.by_arrival:
                 columns = [columns[0], columns[0], *columns[2:]]
             self._writer.append(piece.channel, columns, piece.place)
             if leading.setdefault((info.device, info.message), piece.channel) == piece.channel:
-                self.health_history.samples(info.device, info.message, piece.columns[0], piece.columns[1])
+                self.health_history.samples(info.device, info.message, *counted)
             if info.kind in ("quaternion", "matrix"):
                 self._angles(piece.channel, columns, piece.place)
 
@@ -123,7 +128,7 @@ class RecordingSink(EventSink):
             self._append(number, parts)
 
     def _clocks_in(
-        self, device: str, batch: Batch, time: NDArray[np.float64], utc: NDArray[np.float64] | None
+        self, device: str, batch: Batch, time: Ints, utc: NDArray[np.float64] | None
     ) -> Iterator[tuple[int, Sequence[NDArray[Any]]]]:
         """Channel number and rows of each stored clock: offset, arrival, time, values."""
         message = batch.message
@@ -131,9 +136,9 @@ class RecordingSink(EventSink):
         if clock_alone(message, described(batch.columns, message.fields)) and message.time in batch.columns:
             unit = next(field.unit for field in message.fields if field.name == message.time)
             sent[message.time] = np.asarray(batch.columns[message.time]), unit
-        arrival = batch.arrival_ns / 1e9
+        arrival = batch.arrival_ns
         if self.by_arrival:
-            sent[DEVICE_TIME], time = (time, "s"), arrival
+            sent[DEVICE_TIME], time = (seconds(time), "s"), arrival
         for stored in (sent, {} if utc is None else {"utc": (utc, "s")}):
             if stored:
                 number = self._clock_of(device, message, batch.verified, stored)
@@ -177,9 +182,9 @@ class RecordingSink(EventSink):
                 return
             info = self.payloads[first.kind] = self._described(first)
             self._writer.channel(info["id"], SHAPE)
-        times = [part.arrival if self.by_arrival else part.time for part in parts]
+        times = [part.arrival_ns if self.by_arrival else part.time_ns for part in parts]
         rows = [
-            (part.offset, part.arrival, time, *self._bytes.put(part.rows))
+            (part.offset, part.arrival_ns, time, *self._bytes.put(part.rows))
             for part, time in zip(parts, times, strict=True)
         ]
         self._append(info["id"], rows)

@@ -21,8 +21,10 @@ from typing import Any, Literal
 import numpy as np
 
 from imuscope.protocols.arrays import Array
+from imuscope.protocols.clocks.unix_time import nanoseconds
+from imuscope.recordings.columns.rows import ExactRows, MinMaxBuckets, downsample
 from imuscope.recordings.columns.statistics import norm_statistics, statistics
-from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
+from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.server import wire
 from imuscope.server.streaming.channel_store import StoredChannel
 from imuscope.server.wire import codec as wire_codec
@@ -62,10 +64,12 @@ def recorded(
     """A time range of a recorded channel; `width` 0 for all rows."""
     indices = tuple(range(len(info.columns)) if columns is None else columns)
     if width and info.kind in THINNED:
-        return QueryResult(info, _picked(store.thinned(info.id, t0, t1, 2 * width, base=base), indices), indices)
+        return QueryResult(
+            info, store.thinned(info.id, t0, t1, 2 * width, base=base).picked(slice(None), indices), indices
+        )
     rows = store.query(info.id, t0, t1, width, columns=indices, base=base)
     if isinstance(rows, MinMaxBuckets) and info.kind == "table":
-        rows = _picked(_newest(store, info.id, t1, base), indices)
+        rows = _newest(store, info.id, t1, base).picked(slice(None), indices)
     return QueryResult(info, rows, indices)
 
 
@@ -78,8 +82,7 @@ def ordered(answer: QueryResult) -> QueryResult:
     if not (key[1:] < key[:-1]).any():
         return answer
     order = np.argsort(key, kind="stable")
-    sorted_rows = ExactRows(rows.arrival[order], rows.time[order], [column[order] for column in rows.columns])
-    return QueryResult(answer.info, sorted_rows, answer.columns)
+    return QueryResult(answer.info, rows.picked(order), answer.columns)
 
 
 def stored_values(
@@ -110,19 +113,15 @@ def query_columns(
     arrival, time = whole[0], whole[1]
     t = arrival if base == "arrival" else np.maximum.accumulate(np.where(np.isnan(time), arrival, time))
     lo, hi = np.searchsorted(t, t0, "left"), np.searchsorted(t, t1, "right")
-    rows = ExactRows(arrival[lo:hi], time[lo:hi], [column[lo:hi] for column in whole[2:]])
-    if not width or len(rows) <= 2 * width:
-        return QueryResult(info, _picked(rows, indices), indices)
-    if info.kind in THINNED:
-        at = np.unique(np.linspace(0, len(rows) - 1, 2 * width).astype(np.int64))
-        thin = ExactRows(rows.arrival[at], rows.time[at], [column[at] for column in rows.columns])
-        return QueryResult(info, _picked(thin, indices), indices)
-    status = [info.kind == "status" and bool(info.columns[i].bits) for i in indices]
-    return QueryResult(info, downsample(_picked(rows, indices), t[lo:hi], status, (t0, t1, width)), indices)
-
-
-def _picked(rows: ExactRows, indices: Sequence[int]) -> ExactRows:
-    return ExactRows(rows.arrival, rows.time, [rows.columns[i] for i in indices])
+    own = [whole[2 + i][lo:hi] for i in indices]
+    if width and hi - lo > 2 * width and info.kind not in THINNED:
+        status = [info.kind == "status" and bool(info.columns[i].bits) for i in indices]
+        return QueryResult(info, downsample(own, t[lo:hi], status, (t0, t1, width)), indices)
+    at = np.arange(hi - lo)
+    if width and hi - lo > 2 * width:
+        at = np.unique(np.linspace(0, hi - lo - 1, 2 * width).astype(np.int64))
+    rows = ExactRows(nanoseconds(arrival[lo:hi][at]), nanoseconds(time[lo:hi][at]), [column[at] for column in own])
+    return QueryResult(info, rows, indices)
 
 
 def _newest(store: ColumnStore, channel: int, t1: float, base: Base) -> ExactRows:
@@ -131,7 +130,7 @@ def _newest(store: ColumnStore, channel: int, t1: float, base: Base) -> ExactRow
     near = store.exact(channel, max(0, last - 512), last + 1)
     clock = near.arrival if base == "arrival" else np.where(np.isnan(near.time), near.arrival, near.time)
     same = np.flatnonzero(clock == clock[-1]) if len(near) else np.empty(0, np.int64)
-    return ExactRows(near.arrival[same], near.time[same], [column[same] for column in near.columns])
+    return near.picked(same)
 
 
 @dataclass(frozen=True, slots=True)

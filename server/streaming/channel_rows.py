@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.protocols.arrays import Array, Ints
+from imuscope.protocols.arrays import Array, Floats, Ints
+from imuscope.protocols.clocks.unix_time import seconds
 from imuscope.protocols.events import Batch
 from imuscope.protocols.schema.layouts import Layout, LazyColumns
 from imuscope.server.streaming.ring_kernel import DIVIDE, MULTIPLY
@@ -37,12 +38,13 @@ class ColumnPlan:
 @dataclass(frozen=True, slots=True)
 class ChannelRows:
     """Samples of one channel: `arrival` and `time` (unix seconds), then the channel's columns, in stream order; and the
-    `place` of each one's frame in the stream, None for computed ones.
+    `place` of each one's frame in the stream and its arrival and time in ns, None for computed ones.
     """
 
     channel: int
     columns: list[Array]
     place: Array | None = None
+    exact: tuple[Ints, Ints] | None = None
 
     def __len__(self) -> int:
         return len(self.columns[0])
@@ -54,15 +56,17 @@ class WireRows:
     Attributes:
         bytes: (n, size) uint8, each row with a sample.
         copies, factors: where the columns are in it, and their factors, see ring_kernel.py.
-        arrival_ns, time: (n,) ns and s since 1970.
+        arrival_ns, time_ns, time: (n,) ns and s since 1970.
     """
 
-    __slots__ = ("_batch", "_plan", "arrival_ns", "bytes", "channel", "copies", "factors", "time")
+    __slots__ = ("_batch", "_plan", "arrival_ns", "bytes", "channel", "copies", "factors", "time", "time_ns")
 
-    def __init__(self, batch: Batch, columns: LazyColumns, plan: ColumnPlan, copies: Copies, time: Array) -> None:
+    def __init__(
+        self, batch: Batch, columns: LazyColumns, plan: ColumnPlan, copies: Copies, time: Floats, time_ns: Ints
+    ) -> None:
         self._batch, self._plan = batch, plan
         self.channel, (_, self.copies, self.factors) = plan.channel, copies
-        self.bytes, self.arrival_ns, self.time = columns.rows, batch.arrival_ns, time
+        self.bytes, self.arrival_ns, self.time, self.time_ns = columns.rows, batch.arrival_ns, time, time_ns
 
     def __len__(self) -> int:
         return len(self.arrival_ns)
@@ -72,8 +76,12 @@ class WireRows:
         return self._batch.offset
 
     @property
+    def exact(self) -> tuple[Ints, Ints]:
+        return self.arrival_ns, self.time_ns
+
+    @property
     def columns(self) -> list[Array]:
-        return [self.arrival_ns / 1e9, self.time, *values_of(self._batch, self._plan)]
+        return [seconds(self.arrival_ns), self.time, *values_of(self._batch, self._plan)]
 
 
 def values_of(batch: Batch, cut: ColumnPlan) -> list[Array]:

@@ -28,7 +28,8 @@ from typing import Literal, cast
 
 import numpy as np
 
-from imuscope.protocols.arrays import Array
+from imuscope.protocols.arrays import Array, Floats, Ints
+from imuscope.protocols.clocks.unix_time import seconds
 from imuscope.protocols.events import Batch
 from imuscope.protocols.schema.fields import Bits, Field, Message
 from imuscope.protocols.schema.layouts import LazyColumns
@@ -83,34 +84,35 @@ class ChannelRegistry:
         self._ids: dict[str, int] = {}
         self.is_full = False
 
-    def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[ChannelRows | WireRows]:
+    def split(self, batches: Sequence[tuple[Batch, Floats, Ints]]) -> list[ChannelRows | WireRows]:
         """The samples of one drain by channel.
 
         Args:
-            batches: each with its device time mapped to host time, (n,) float64 unix seconds, NaN where unknown.
+            batches: each with its device time mapped to host time, (n,) unix s, NaN where unknown, and the same in ns.
         """
-        by_channel: dict[int, list[tuple[Batch, Array, ColumnPlan]]] = {}
-        for batch, time in batches:
+        by_channel: dict[int, list[tuple[Batch, Floats, Ints, ColumnPlan]]] = {}
+        for batch, time, time_ns in batches:
             for cut in self._plan(batch):
-                by_channel.setdefault(cut.channel, []).append((batch, time, cut))
+                by_channel.setdefault(cut.channel, []).append((batch, time, time_ns, cut))
         return [self._rows(parts) for parts in by_channel.values()]
 
-    def _rows(self, parts: Sequence[tuple[Batch, Array, ColumnPlan]]) -> ChannelRows | WireRows:
+    def _rows(self, parts: Sequence[tuple[Batch, Floats, Ints, ColumnPlan]]) -> ChannelRows | WireRows:
         """The samples of one channel, from some batches."""
-        batch, time, plan = parts[0]
+        batch, time, time_ns, plan = parts[0]
         lazy = batch.columns
         if len(parts) == 1 and plan.copies is not None and isinstance(lazy, LazyColumns):
             contiguous = batch.arrival_ns.flags.c_contiguous and time.flags.c_contiguous
             if contiguous and lazy.layout is plan.copies[0]:
-                return WireRows(batch, lazy, plan, plan.copies, time)
+                return WireRows(batch, lazy, plan, plan.copies, time, time_ns)
         pieces = []
-        for batch, time, cut in parts:
-            arrival, offset = batch.arrival_ns / 1e9, batch.offset
-            values = values_of(batch, cut)
+        for batch, time, time_ns, cut in parts:
+            clocks = [batch.arrival_ns, time_ns, seconds(batch.arrival_ns), time]
+            offset, values = batch.offset, values_of(batch, cut)
             if cut.per_sample != 1:
-                arrival, time, offset = (np.repeat(one, cut.per_sample) for one in (arrival, time, offset))
-            pieces.append((offset, [arrival, time, *values]))
-        return ChannelRows(plan.channel, *_merged(pieces))
+                offset, *clocks = (np.repeat(one, cut.per_sample) for one in (offset, *clocks))
+            pieces.append((offset, [*clocks, *values]))
+        (arrival_ns, time_ns, *columns), place = _merged(pieces)
+        return ChannelRows(plan.channel, columns, place, (arrival_ns, time_ns))
 
     def _plan(self, batch: Batch) -> list[ColumnPlan]:
         key = (id(batch.message), batch.verified)

@@ -41,7 +41,8 @@ def append_rows(
     """
     arrivals, times = (begins[0] >> 3) + at, (begins[1] >> 3) + at
     for k in range(count):
-        memory_f8[arrivals + k] = arrival_ns[first + k] / 1e9
+        whole = arrival_ns[first + k] // 1_000_000_000
+        memory_f8[arrivals + k] = float(whole) + float(arrival_ns[first + k] - whole * 1_000_000_000) / 1e9
         memory_f8[times + k] = time[first + k]
     for column in range(copies.shape[1]):
         offset, size, operation = copies[OFFSET, column], copies[SIZE, column], copies[OPERATION, column]

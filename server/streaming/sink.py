@@ -14,12 +14,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.events import Batch
 from imuscope.server import wire
 from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
 from imuscope.server.streaming.unknown_payloads import Payloads
 
-Dated = tuple[Batch, NDArray[np.float64], NDArray[np.float64] | None]
+Dated = tuple[Batch, Ints, NDArray[np.float64] | None]
 """Samples, their device time on this host's clock, and their UTC if the device sends it (unix s)."""
 
 

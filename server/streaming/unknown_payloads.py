@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
+from imuscope.protocols.clocks.unix_time import NO_TIME
 from imuscope.protocols.events import Batch, Reply
 from imuscope.protocols.schema.fields import Field, Message
 from imuscope.server import wire
@@ -53,7 +55,7 @@ class Payloads:
         message: name of their message.
         name, column: name of the kind; name of the quantity in a table of the message.
         offset: (n,) offsets of their frames in the stream.
-        arrival, time: (n,) float64, unix s; `time` by the device's clock, NaN if it has none.
+        arrival_ns, time_ns: (n,) unix ns; the latter by the device's clock, NO_TIME if it has none.
         rows: (n, k) uint8.
     """
 
@@ -64,8 +66,8 @@ class Payloads:
     doc: str
     verified: bool
     offset: NDArray[np.int64]
-    arrival: NDArray[np.float64]
-    time: NDArray[np.float64]
+    arrival_ns: Ints
+    time_ns: Ints
     rows: NDArray[np.uint8]
 
     @property
@@ -92,11 +94,11 @@ class UnknownPayloadTracker:
     def __bool__(self) -> bool:
         return bool(self._kinds)
 
-    def batch(self, batch: Batch, time: NDArray[np.float64]) -> None:
+    def batch(self, batch: Batch, time_ns: Ints) -> None:
         """Store the newest undescribed payloads of a batch; costs almost nothing if all fields are described.
 
         Args:
-            time: (n,) device time of its samples, unix s.
+            time_ns: (n,) device time of its samples, unix ns.
         """
         known = self._plans.get(id(batch.message))
         if known is None or known[0] is not batch.message:
@@ -112,7 +114,7 @@ class UnknownPayloadTracker:
                 self._add(batch.message, one, newest, len(column), arrival, batch.verified)
                 if self._store is not None:
                     rows = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), -1)
-                    clocks = (batch.offset, batch.arrival_ns / 1e9, time)
+                    clocks = (batch.offset, batch.arrival_ns, time_ns)
                     self._collect(batch.message, one, batch.verified, clocks, rows)
 
     def reply(self, reply: Reply) -> bool:
@@ -131,7 +133,7 @@ class UnknownPayloadTracker:
             self._add(reply.message, fields[0], bytes(data), 1, arrival, True)
         if self._store is not None:
             rows = np.frombuffer(data, np.uint8)[None]
-            clocks = (np.array([reply.offset]), np.array([arrival]), np.array([np.nan]))
+            clocks = (np.array([reply.offset]), np.array([reply.arrival_ns]), np.array([NO_TIME]))
             self._collect(reply.message, fields[0], True, clocks, rows)
         return True
 
@@ -147,7 +149,7 @@ class UnknownPayloadTracker:
         message: Message,
         one: Field,
         verified: bool,
-        clocks: tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]],
+        clocks: tuple[Ints, Ints, Ints],
         rows: NDArray[np.uint8],
     ) -> None:
         column = "value" if message.channel_per_field else one.name

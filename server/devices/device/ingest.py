@@ -18,10 +18,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.arrays import Ints
 from imuscope.protocols.clocks.capture_clock import CaptureClock
 from imuscope.protocols.clocks.chunk_boundaries import ChunkBoundaries
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
 from imuscope.protocols.clocks.host_timestamps import StampClock
+from imuscope.protocols.clocks.unix_time import NO_TIME, seconds
 from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
 from imuscope.protocols.family.info import DeviceTraits, StreamTraits
 from imuscope.protocols.framing.stream_buffer import REFUSED
@@ -47,7 +49,7 @@ SLICE_NS = 1_000_000_000  # part of a drain that is mapped to host time at once
 PAUSE_S = 5.0  # shortest reported pause of a capture, by the device's clock
 NEAR_S = 0.5  # a jump that ends this near the end of a pause is that pause
 NORM_CHECK_NS, NORM_REPORT_NS = 250_000_000, 60_000_000_000  # looking at each sample would cost a live stream too much
-NO_TIMES: NDArray[np.float64] = np.zeros(0)
+NO_TIMES: Ints = np.zeros(0, np.int64)
 REMAP_INTERVAL_S = 10.0  # between reports, so that an unsettled mapping does not fill the log
 REPORTED_ONCE = ("no_key",)  # by server/devices/device/stream_diagnostics.py, not for every frame
 MAX_PROTECTIONS = 8  # listed for one device
@@ -211,22 +213,28 @@ class Ingest:
         others = events if len(batches) < len(events) else ()  # samples only, the usual case
         steps = [event for event in others if isinstance(event, ClockStep)]
         texts = [event for event in others if isinstance(event, Text)]
-        times = self._host_times(batches, steps)
+        exact = self._host_times(batches, steps)
+        times = [seconds(one) for one in exact]
         if self._kinds is not None:
             self._update_identity(events, self._kinds)
         sentences = self._sentences.rows(texts, is_alone=self._kinds is not None)
         full = self._channels.is_full
         self._sink.publish(
-            self._channels.split([*zip(batches, times, strict=True), *((one.batch, one.time) for one in sentences)])
+            self._channels.split(
+                [
+                    *zip(batches, times, exact, strict=True),
+                    *((one.batch, seconds(one.time_ns), one.time_ns) for one in sentences),
+                ]
+            )
         )
         if self._channels.is_full and not full:
             words = f"More than {MAX_CHANNELS} quantities from one device: further ones are counted, not shown."
             self._events.report("device", "warning", words, data={"most": MAX_CHANNELS})
         if (archive := self._sink.archive) is not None:
-            dated = zip(batches, times, self._dating.utc_of(batches, steps), strict=True)
-            received = [(one.batch, one.time, one.utc) for one in sentences if one.utc is not None]
+            dated = zip(batches, exact, self._dating.utc_of(batches, steps), strict=True)
+            received = [(one.batch, one.time_ns, one.utc) for one in sentences if one.utc is not None]
             archive.keep_clocks(self._channels.device, [*dated, *received])
-        for batch, time in zip(batches, times, strict=True):
+        for batch, time in zip(batches, exact, strict=True):
             self._stats.count_batch(batch)
             self.samples += len(batch)
             self._stats.count_numbered(batch, self._traits.stream)
@@ -277,8 +285,8 @@ class Ingest:
         """Cause of its uneven arrival times."""
         return cause_of(self.clock, self._resets, kind=self._line.kind, port=self._line.port, now=now)
 
-    def _host_times(self, batches: Sequence[Batch], steps: Sequence[ClockStep]) -> list[NDArray[np.float64]]:
-        """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock.
+    def _host_times(self, batches: Sequence[Batch], steps: Sequence[ClockStep]) -> list[Ints]:
+        """Device time of every batch, mapped to host time (unix ns); NO_TIME where a message has no clock.
 
         A drain of a recording may span many seconds, in which the clock may step and its mapping restart. So rows are
         mapped a second at a time, with the knowledge at that time, as they were live.
@@ -287,7 +295,7 @@ class Ingest:
             (batch,) = batches  # the usual case
             if batch.time_ns is not None and int(batch.arrival_ns[-1]) - int(batch.arrival_ns[0]) < SLICE_NS:
                 return self._map([self._part(batch, ())])
-        out = [np.full(len(batch), np.nan) if batch.time_ns is None else NO_TIMES for batch in batches]
+        out = [np.full(len(batch), NO_TIME) if batch.time_ns is None else NO_TIMES for batch in batches]
         clock_sets = [step for step in steps if step.kind == "sync" and step.by_ns]
         if isinstance(self.clock, CaptureClock):
             self.clock.stepped([step.offset for step in steps if step not in clock_sets])
@@ -305,7 +313,7 @@ class Ingest:
         seconds = np.unique(np.concatenate([(part.arrival - first) // SLICE_NS for part in whole.values()]))
         done = dict.fromkeys(whole, 0)
         for i in timed:
-            out[i] = np.full(len(batches[i]), np.nan)
+            out[i] = np.full(len(batches[i]), NO_TIME)
         for edge in (first + (seconds + 1) * SLICE_NS).tolist():  # none of a long pause
             ends = {i: int(np.searchsorted(part.arrival, edge)) for i, part in whole.items()}
             rows = {i: slice(done[i], end) for i, end in ends.items() if done[i] < end}
@@ -328,7 +336,7 @@ class Ingest:
             device = np.rint(device / self._line.speed).astype(np.int64)
         return TimedRows(device, batch.arrival_ns, batch.offset, batch.size, id(message))
 
-    def _map(self, parts: list[TimedRows]) -> list[NDArray[np.float64]]:
+    def _map(self, parts: list[TimedRows]) -> list[Ints]:
         if not parts:
             return []
         times = self.clock.map_to_host(parts)

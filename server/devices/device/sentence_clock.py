@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuscope.protocols.arrays import Array, Floats
+from imuscope.protocols.arrays import Array, Floats, Ints
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.clocks.unix_time import NO_TIME
 from imuscope.protocols.embedded.gnss_time import GnssClock
 from imuscope.protocols.embedded.quantities import NmeaQuantities
 from imuscope.protocols.events import Batch, Text
@@ -24,12 +25,12 @@ class DatedSentences:
     """Rows of one kind of sentence.
 
     Args:
-        time: (n,) host time, unix s; NaN without a clock.
+        time_ns: (n,) host time, unix ns; NO_TIME without a clock.
         utc: (n,) unix s; None if it is not known.
     """
 
     batch: Batch
-    time: Floats
+    time_ns: Ints
     utc: Floats | None
 
 
@@ -44,7 +45,7 @@ class SentenceRows:
     def __init__(self, sync: ClockSync | None, by_gnss: Callable[[], bool]) -> None:
         self._quantities, self._receiver = NmeaQuantities(), GnssClock()
         self._sync, self._by_gnss = sync, by_gnss
-        self._last = np.nan, np.nan  # of the last sentence with a time: host time and UTC
+        self._last = NO_TIME, np.nan  # of the last sentence with a time: host time and UTC
 
     def rows(self, texts: Sequence[Text], *, is_alone: bool) -> list[DatedSentences]:
         """Rows of some messages, in order.
@@ -56,11 +57,11 @@ class SentenceRows:
         if self._sync is None:
             by_arrival = self._by_gnss()
             return [
-                DatedSentences(one, one.arrival_ns / 1e9 if by_arrival else np.full(len(one), np.nan), None)
+                DatedSentences(one, one.arrival_ns if by_arrival else np.full(len(one), NO_TIME), None)
                 for one in batches
             ]
         if not is_alone or not texts:
-            return [DatedSentences(one, np.full(len(one), np.nan), None) for one in batches]
+            return [DatedSentences(one, np.full(len(one), NO_TIME), None) for one in batches]
         offsets, host, utc = self._times(texts, self._sync)
         rows = []
         for batch in batches:
@@ -69,15 +70,15 @@ class SentenceRows:
             rows.append(DatedSentences(batch, host[at], None if np.isnan(own).all() else own))
         return rows
 
-    def _times(self, texts: Sequence[Text], sync: ClockSync) -> tuple[Array, Floats, Floats]:
+    def _times(self, texts: Sequence[Text], sync: ClockSync) -> tuple[Array, Ints, Floats]:
         """Offsets of the messages with a time, and host time and UTC before the first and from each of them on."""
         times = self._receiver.times(texts)
-        host, utc = [np.array([one]) for one in self._last]
+        host, utc = np.array([self._last[0]]), np.array([self._last[1]])
         if len(times.offset):
             at = np.searchsorted([text.offset for text in texts], times.offset)
             arrival = np.array([text.arrival_ns for text in texts], np.int64)[at]
             [mapped] = sync.map_to_host([TimedRows(times.elapsed_ns, arrival, times.offset)])
             host = np.append(host, mapped)
             utc = np.append(utc, times.time_ns / 1e9 if times.is_dated else np.full(len(mapped), np.nan))
-            self._last = float(host[-1]), float(utc[-1])
+            self._last = int(host[-1]), float(utc[-1])
         return times.offset, host, utc

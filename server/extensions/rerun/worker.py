@@ -27,7 +27,7 @@ from imuscope.recordings.exporters.entities import DeviceEntity, devices_of
 from imuscope.recordings.exporters.enu import Origin, is_place
 from imuscope.server.extensions.rerun.rrd import chunks, static
 from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
-from imuscope.server.extensions.rerun.rrd.chunks import Times, nanoseconds
+from imuscope.server.extensions.rerun.rrd.chunks import Times, moments
 from imuscope.server.integrations.viewer_client import ViewerClient
 from imuscope.server.wire.codec import SampleFrame
 
@@ -165,7 +165,7 @@ class RerunBatcher:
         columns = [np.concatenate(column) for column in zip(*(one.columns for one in parts), strict=True)]
         arrival, time_, own = columns[0], columns[1], columns[2:]
         sample = np.concatenate([np.arange(one.sequence, one.sequence + one.n) for one in parts])
-        times = Times(nanoseconds(np.where(np.isnan(time_), arrival, time_)), nanoseconds(arrival), sample)
+        times = Times(moments(np.where(np.isnan(time_), arrival, time_)), moments(arrival), sample)
         put = chunks.send_table if info["kind"] == "table" else chunks.send_curve
         for curve in device.curves[number]:
             put(self._stream, curve, times, own)

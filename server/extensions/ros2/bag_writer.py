@@ -102,4 +102,4 @@ def _topics(request: ExportRequest, device: Mapping[str, Any]) -> list[tuple[str
 
 def _frame(request: ExportRequest, channel: int, first: int, past: int) -> SampleFrame:
     rows = request.columns.exact(channel, first, past)
-    return SampleFrame(channel, 0, len(rows), 0, False, 0.0, [rows.arrival, rows.time, *rows.columns])
+    return SampleFrame(channel, 0, len(rows), 0, False, 0.0, [rows.arrival_ns, rows.time_ns, *rows.columns])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.clocks.clock_model import WINDOW_S
 from imuscope.protocols.clocks.clock_sync import ClockSync, TimedRows
+from imuscope.protocols.clocks.unix_time import NO_TIME
 from tests.support.counting import counted_calls
 from tests.support.each_row import each_row
 
@@ -68,7 +69,7 @@ def run(
     host, uncertainty = [], []
     for rows in np.split(np.arange(len(source.device)), ends):
         device = source.device[rows]
-        host.append((clock.add(device, source.arrival[rows], size) - EPOCH_NS / 1e9) * 1e9)
+        host.append(clock.add(device, source.arrival[rows], size) - EPOCH_NS)
         uncertainty.append(np.full(len(rows), clock.uncertainty_ns))
     return MappedStream(np.concatenate(host), np.concatenate(uncertainty), clock)
 
@@ -170,7 +171,7 @@ def test_the_time_on_the_wire_is_subtracted() -> None:
     clock.map_to_host(
         [TimedRows(source.device[k], arrival[k], offset[k], n, n) for k, n in zip(kinds, (20, 200), strict=True)]
     )
-    assert np.abs((clock.host(source.device) - EPOCH_NS / 1e9) * 1e9 - (source.true - EPOCH_NS)).max() < 0.2 * MS
+    assert np.abs(clock.host(source.device) - EPOCH_NS - (source.true - EPOCH_NS)).max() < 0.2 * MS
     assert clock.jitter_ns(99) < 0.5 * MS
 
 
@@ -227,7 +228,7 @@ def test_rows_of_one_chunk_before_and_after_a_jump_keep_their_mapping() -> None:
     source = shifted(stream(100, 30, burst_ms=0), 3600.0)
     clock = ClockSync()
     for part in (slice(0, STEP_ROW - 5), slice(STEP_ROW - 5, STEP_ROW + 5)):
-        host = (clock.add(source.device[part], source.arrival[part]) - EPOCH_NS / 1e9) * 1e9
+        host = clock.add(source.device[part], source.arrival[part]) - EPOCH_NS
     assert np.abs(host - (source.true - EPOCH_NS)[STEP_ROW - 5 : STEP_ROW + 5]).max() < 1 * MS
 
 
@@ -259,19 +260,19 @@ def test_an_older_row_falls_on_the_mapping_of_its_neighbours() -> None:
     """A GNSS solution among IMU samples, 2.5 s old."""
     original = stream(100.7, 30, seed=9)
     clock = ClockSync()
-    first: dict[int, float] = {}
+    first: dict[int, int] = {}
     for row in range(len(original.device)):
         one = slice(row, row + 1)
         first[row] = clock.add(original.device[one], original.arrival[one], source=1)[0]
         if row > 400 and row % 25 == 0:
             old = original.device[row - 250 : row - 249]
-            assert abs(clock.add(old, original.arrival[one], source=2)[0] - first[row - 250]) < 1e-6
+            assert abs(clock.add(old, original.arrival[one], source=2)[0] - first[row - 250]) < 1000
     assert clock.restarts == 0
 
 
 def test_without_rows_nothing_is_known() -> None:
     clock = ClockSync()
-    assert np.isnan(clock.host(np.array([1, 2]))).all()
+    assert clock.host(np.array([1, 2])).tolist() == [NO_TIME, NO_TIME]
     assert clock.uncertainty_ns == float("inf")
 
 
@@ -286,11 +287,11 @@ def test_published_host_time_never_decreases(rows: list[tuple[int, int]], chunk:
     device = np.cumsum([step for step, _ in rows]).astype(np.int64) * 10**6
     arrival = EPOCH_NS + np.maximum.accumulate(device + np.array([delay for _, delay in rows]) * 1000)
     clock = ClockSync()
-    messages: list[float] = []
+    messages: list[int] = []
     for at in range(0, len(device), chunk):
         messages += clock.add(device[at : at + chunk], arrival[at : at + chunk]).tolist()
     assert (np.diff(messages) > 0).all()
-    assert np.abs(clock.host(device) - messages).max() < 1e-6
+    assert np.abs(clock.host(device) - messages).max() <= 1
 
 
 anything = st.lists(st.tuples(st.integers(-(2**40), 2**50), st.integers(0, 10**10)), min_size=1, max_size=60)

@@ -30,7 +30,7 @@ def observed(rate: float, delayed: Callable[[Floats], Floats], random: np.random
         [*_, host] = clock.add(device[first:last], (arrival[first:last] * 1e9).astype(np.int64) + EPOCH_NS, SIZE)
         if arrival[last - 1] > 10:
             drift = clock.drift_ppm - ppm if clock.knows_drift else np.nan
-            error = (host - EPOCH_NS / 1e9 - true[last - 1]) * 1e3
+            error = (host - EPOCH_NS) / 1e6 - true[last - 1] * 1e3
             rows.append((error, clock.uncertainty_ns / 1e6, drift, clock.drift_bound_ppm))
     return np.array(rows)
 

@@ -228,7 +228,7 @@ def mapped(source: ModelStream, clock: ClockSync | None = None, *, drain_ms: flo
             rows.append(which)
             parts.append(TimedRows(source.device[which], source.arrival[which], offset[which], size, size))
         for which, times in zip(rows, clock.map_to_host(parts), strict=True):
-            host[which] = (times - EPOCH_NS / S) * S
+            host[which] = times - EPOCH_NS
         bound[first:last], restarts[first:last] = clock.uncertainty_ns, clock.restarts
     return ModelMapping(host, bound, restarts, clock)
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from imuscope.recordings.columns import store as module
-from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
+from imuscope.recordings.columns.rows import ExactRows, MinMaxBuckets
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from tests.support.each_row import each_row
 
 Array = NDArray[Any]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from imuscope.protocols import events
+from imuscope.protocols.clocks.unix_time import NO_TIME
 from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.columns.health_history import health_history
@@ -37,7 +38,8 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
         return len(names)
 
     batches = events.batches(decoder.drain(stalled=True))
-    pieces = ChannelRegistry("1", advertise).split([(batch, np.full(len(batch), np.nan)) for batch in batches])
+    untimed = [(batch, np.full(len(batch), np.nan), np.full(len(batch), NO_TIME)) for batch in batches]
+    pieces = ChannelRegistry("1", advertise).split(untimed)
     results = {info["name"]: info["id"] for info in store.manifest["channels"]}
     assert results.keys() == {*names, "EulerAngles"}  # and the channels derived from them
     for piece in pieces:

@@ -9,7 +9,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
+from imuscope.recordings.columns.rows import ExactRows, MinMaxBuckets
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.server import wire

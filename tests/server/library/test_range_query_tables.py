@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from starlette.requests import Request
 
-from imuscope.recordings.columns.store import ExactRows
+from imuscope.protocols.clocks.unix_time import NO_TIME
+from imuscope.recordings.columns.rows import ExactRows
 from imuscope.server.api.recording_data import _only_one
 from imuscope.server.errors import DomainError
 from imuscope.server.library.export_jobs import file_stem
@@ -15,11 +16,11 @@ from imuscope.server.wire import ChannelInfo
 def test_rows_of_a_query_go_by_their_time() -> None:
     """A late solution is inserted in order; a row without a clock is ordered by arrival."""
     info = ChannelInfo(1, "1", "M", "M", "M", "scalar", "", "", [])
-    rows = ExactRows(np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.9, 1.9, 1.2, np.nan]), [np.array([1, 2, 3, 4])])
+    rows = ExactRows(np.array([10, 20, 30, 40]), np.array([9, 19, 12, NO_TIME]), [np.array([1, 2, 3, 4])])
     got = ordered(QueryResult(info, rows, (0,))).rows
     assert isinstance(got, ExactRows)
     assert got.columns[0].tolist() == [1, 3, 2, 4]
-    assert got.arrival.tolist() == [1.0, 3.0, 2.0, 4.0]
+    assert got.arrival_ns.tolist() == [10, 30, 20, 40]
 
 
 def test_a_channel_named_twice_is_refused() -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pytest
 
+from imuscope.protocols.clocks.unix_time import nanoseconds
 from imuscope.protocols.events import Batch
 from imuscope.protocols.native.kernels import plain
 from imuscope.server.devices.decode.decode_options import checked_options
@@ -41,7 +42,7 @@ def pieces(family: str) -> Iterator[tuple[ChannelInfo, ChannelRows | WireRows]]:
         decoder.feed(frame * REPEATS, 0)
         for batch in (event for event in decoder.drain() if isinstance(event, Batch) and len(event)):
             time = np.linspace(1.7e9, 1.7e9 + 1, len(batch))
-            for rows in registry.split([(batch, time)]):
+            for rows in registry.split([(batch, time, nanoseconds(time))]):
                 yield infos[rows.channel - 1], rows
 
 

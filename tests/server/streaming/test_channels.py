@@ -39,7 +39,7 @@ class FakePage:
 
 def split(page: FakePage, *batches: Batch, channels: ChannelRegistry | None = None) -> dict[str, list[np.ndarray]]:
     channels = channels or ChannelRegistry("1", page)
-    pieces = channels.split([(one, one.offset * 1.0) for one in batches])
+    pieces = channels.split([(one, one.offset * 1.0, one.offset * 10**9) for one in batches])
     return {page.infos[piece.channel - 1].name: piece.columns for piece in pieces}
 
 
@@ -223,7 +223,8 @@ def test_fields_with_separate_channels() -> None:
     decoder.feed(by_did(4) + by_did(58), 0)
     page = FakePage()
     channels = ChannelRegistry("d", page)
-    channels.split([(event, np.zeros(len(event))) for event in decoder.drain() if isinstance(event, Batch)])
+    batches = [event for event in decoder.drain() if isinstance(event, Batch)]
+    channels.split([(one, np.zeros(len(one)), np.zeros(len(one), np.int64)) for one in batches])
     results = page.infos
     kinds = {info.name: info.kind for info in results}
     assert kinds["DID_INS_1.theta"] == "euler"

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
-from imuscope.recordings.columns.store import Base, ColumnStore, ExactRows
+from imuscope.recordings.columns.rows import ExactRows
+from imuscope.recordings.columns.store import Base, ColumnStore
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.companions import CompanionChannels, Companions
 from imuscope.server.extensions.analysis.signals.stillness import StepMeans

@@ -14,8 +14,9 @@ import numpy as np
 import rerun as rr
 
 from imuscope.protocols.arrays import Array, Floats
+from imuscope.protocols.clocks.unix_time import NO_TIME, nanoseconds
 from imuscope.protocols.rotations import quaternion_columns
-from imuscope.recordings.columns.store import ExactRows
+from imuscope.recordings.columns.rows import ExactRows
 from imuscope.recordings.exporters.entities import Attitude, Curve, Path, PositionEntity
 from imuscope.recordings.exporters.enu import Origin, enu_of, is_place
 
@@ -54,15 +55,15 @@ def times_of(rows: ExactRows, first: int) -> Times:
         first: number of the first row within its channel.
     """
     return Times(
-        nanoseconds(np.where(np.isnan(rows.time), rows.arrival, rows.time)),
-        nanoseconds(rows.arrival),
+        np.where(rows.time_ns == NO_TIME, rows.arrival_ns, rows.time_ns).view("datetime64[ns]"),
+        rows.arrival_ns.view("datetime64[ns]"),
         np.arange(first, first + len(rows)),
     )
 
 
-def nanoseconds(seconds: Floats) -> Array:
+def moments(times: Floats) -> Array:
     """Unix seconds as datetime64[ns]."""
-    return np.rint(np.asarray(seconds, np.float64) * 1e9).astype(np.int64).view("datetime64[ns]")
+    return nanoseconds(times).view("datetime64[ns]")
 
 
 def name_of(path: Path) -> str:

@@ -25,14 +25,15 @@ import rerun.blueprint as rrb
 
 from imuscope.protocols.arrays import Array
 from imuscope.recordings.columns.payloads import payloads_of
-from imuscope.recordings.columns.store import BLOCK_ROWS, Base, ColumnStore, ExactRows, MinMaxBuckets
+from imuscope.recordings.columns.rows import ExactRows, MinMaxBuckets
+from imuscope.recordings.columns.store import BLOCK_ROWS, Base, ColumnStore
 from imuscope.recordings.exporters.entities import DeviceEntity, Info, PositionEntity, devices_of
 from imuscope.recordings.exporters.enu import Origin, is_place
 from imuscope.recordings.file_names import device_names
 from imuscope.recordings.system import atomic_write
 from imuscope.server.extensions.rerun.rrd import chunks, static
 from imuscope.server.extensions.rerun.rrd.blueprint import blueprint
-from imuscope.server.extensions.rerun.rrd.chunks import LEVELS, Times, nanoseconds, times_of
+from imuscope.server.extensions.rerun.rrd.chunks import LEVELS, Times, moments, times_of
 
 MAX_TEXTS = 20_000  # of one status word: one that changes with every sample is better shown as a curve
 EVENTS, MARKERS = ("events",), ("markers",)
@@ -94,7 +95,7 @@ class Work:
         sample[1::2] += query.n // 2
         arrival = np.interp(t, np.maximum.accumulate(key), near.arrival)
         pairs = zip(query.low, query.high, strict=True)
-        yield Times(nanoseconds(t), nanoseconds(arrival), sample), [np.column_stack(pair).ravel() for pair in pairs]
+        yield Times(moments(t), moments(arrival), sample), [np.column_stack(pair).ravel() for pair in pairs]
 
     def _span(self, channel: int) -> tuple[float, float]:
         whole = self.columns.span(channel) or (0.0, 0.0)
@@ -336,5 +337,5 @@ def _texts(stream: rr.RecordingStream, work: Work, devices: list[DeviceEntity]) 
 def _log(
     stream: rr.RecordingStream, path: tuple[str, ...], rows: list[Any], texts: list[str], levels: list[str]
 ) -> None:
-    when = nanoseconds(np.array([row["time"] for row in rows], np.float64))
+    when = moments(np.array([row["time"] for row in rows], np.float64))
     chunks.send_texts(stream, path, Times(when, when, np.arange(len(rows))), texts, levels)

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 from hypothesis import settings
 
-from imuscope.recordings.columns.store import ColumnStore, ExactRows
+from imuscope.recordings.columns.rows import ExactRows
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.tables.options import TableOptions

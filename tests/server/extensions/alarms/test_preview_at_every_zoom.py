@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
+from imuscope.recordings.columns.rows import ExactRows
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.server.extensions.alarms.conditions import ExpressionJudge
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
 from imuscope.server.extensions.alarms.machine import AlarmMachine, AlarmTiming

@@ -110,7 +110,7 @@ def test_a_time_beyond_the_years_of_dates_is_printed(tmp_path: Path) -> None:
     path.write_text(table("time (s)", "n / 100 if n < 250 else n * 1e12"))
     out = io.StringIO()
     print_clocks(path, DecodeOptions(), out, io.StringIO())
-    assert "s since 1970" in out.getvalue()
+    assert "2262-04-11" in out.getvalue()
     assert utc_text(1e11) == "1e+11 s since 1970"
 
 

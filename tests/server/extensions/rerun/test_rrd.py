@@ -12,6 +12,7 @@ import pyarrow as pa
 import pytest
 from rerun.chunk import RrdReader
 
+from imuscope.protocols.clocks.unix_time import NO_TIME
 from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
@@ -88,10 +89,9 @@ def test_every_value_and_every_time_of_every_channel_is_in_the_file(
                 order = np.argsort(sample)  # rows stand in the order of their time
                 np.testing.assert_array_equal(sample[order], np.arange(len(rows)))
                 np.testing.assert_array_equal(numbers(batches, "Scalars:scalars")[order], expected)
-                device_time = np.where(np.isnan(rows.time), rows.arrival, rows.time)
-                for name, clock in (("device_time", device_time), ("arrival_time", rows.arrival)):
-                    got = times(batches, name, "Scalars:scalars")[order]
-                    np.testing.assert_array_equal(got, np.rint(clock * 1e9).astype(np.int64))
+                device_time = np.where(rows.time_ns == NO_TIME, rows.arrival_ns, rows.time_ns)
+                for name, clock in (("device_time", device_time), ("arrival_time", rows.arrival_ns)):
+                    np.testing.assert_array_equal(times(batches, name, "Scalars:scalars")[order], clock)
     assert compared == sum(store.rows(n) * len(infos[n]["columns"]) for n in infos) > 40_000
 
 

@@ -17,7 +17,6 @@ import imuscope
 from imuscope.protocols.isb.simulator.device import IsbSimulator
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, export
-from imuscope.recordings.exporters.topics import stamps
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.server.extensions.ros2.axes import FLIP
 from imuscope.server.library.export_worker import one_file
@@ -75,8 +74,8 @@ def test_rosbags_reads_every_sample(mti: imuscope.Recording, suffix: str, tmp_pa
     results = messages(bag)
     turn, acceleration, attitude = (mti[name] for name in ("RateOfTurn", "Acceleration", "Quaternion"))
     imus = results["/mti_630/imu/data"]
-    assert [stamp(one.header.stamp) for _, one in imus] == stamps(attitude.arrival, attitude.time).tolist()
-    assert [time for time, _ in imus] == stamps(attitude.arrival, attitude.arrival).tolist()
+    assert [stamp(one.header.stamp) for _, one in imus] == attitude.time_ns.tolist()
+    assert [time for time, _ in imus] == attitude.arrival_ns.tolist()
     scale = np.pi / 180
     np.testing.assert_array_equal(vectors(imus, "angular_velocity"), turn.values.astype(float) * scale)
     np.testing.assert_array_equal(vectors(imus, "linear_acceleration"), acceleration.values)

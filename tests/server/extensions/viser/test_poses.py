@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imuscope.protocols import rotations
+from imuscope.protocols.clocks.unix_time import nanoseconds
 from imuscope.protocols.rotations import euler_columns
-from imuscope.recordings.columns.store import ExactRows
+from imuscope.recordings.columns.rows import ExactRows
 from imuscope.server.extensions.viser import meshes, poses
 from imuscope.server.extensions.viser.replay_sync import ReplayFollower
 from imuscope.server.wire.codec import SampleFrame
@@ -239,7 +240,8 @@ class Store:
 
     def exact(self, channel: int, lo: int, hi: int) -> ExactRows:
         t = np.arange(lo, hi, dtype=np.float64)
-        return ExactRows(t, t, [t] * (4 if channel == 1 else 3))
+        at = nanoseconds(t)
+        return ExactRows(at, at, [t] * (4 if channel == 1 else 3))
 
     def thinned(self, channel: int, t0: float, t1: float, most: int) -> ExactRows:
         return self.exact(channel, max(0, int(t0)), int(t1) + 1)

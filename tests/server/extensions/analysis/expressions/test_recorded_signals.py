@@ -9,7 +9,8 @@ import pyarrow.parquet as pq
 from mcap.reader import make_reader
 from scipy import signal
 
-from imuscope.recordings.columns.store import ColumnStore, ExactRows
+from imuscope.recordings.columns.rows import ExactRows
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.live_writer import Limits
