@@ -282,6 +282,7 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     time_unit: str = "",
     rate: float = 0.0,
     columns: Mapping[str, str] | None = None,
+    packet_stamp: Literal["", "first", "last"] = "",
     clock: Literal["", "device", "arrival"] = "",
     **options: str,
 ) -> Recording:
@@ -291,6 +292,7 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
         protocol: of a capture; "" to detect it.
         time_column, time_unit, rate, columns: of a table, where the file does not say it: heading of the times; "ns",
             "us", "ms" or "s"; samples a second where there are no times; headings in place of the file's.
+        packet_stamp: which sample of a packet of a table has its time, where several rows share one.
         clock: of devices and messages, that is the time axis; "" for the usual one.
         options: decode options of the protocol, as on the command line.
 
@@ -313,9 +315,11 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     known = {option.name for option in source_options()}
     for name in options:
         if name not in known:
-            near = _nearest(name, [*known, "protocol", "time_column", "time_unit", "rate", "columns", "clock"])
+            own = ("protocol", "time_column", "time_unit", "rate", "columns", "packet_stamp", "clock")
+            near = _nearest(name, [*known, *own])
             raise ImuscopeError(f"There is no option {name!r}{near}; options of protocols: {', '.join(sorted(known))}.")
-    reading = DecodeOptions(protocol, options, TableOptions(time_column, time_unit, None, rate, columns or {}), clock)
+    table = TableOptions(time_column, time_unit, None, rate, columns or {}, packet_stamp)
+    reading = DecodeOptions(protocol, options, table, clock)
     folder = Path(tempfile.mkdtemp(prefix="imuscope-"))
     try:
         source = open_file(file, protocol, reading.table)

@@ -4,7 +4,7 @@ GET /rerun/?recording=ID[&t0&t1]            the viewer on a recording; /rerun/?l
 GET /rerun/NAME                             our page's own files, and the viewer's, from the installed wheel
 GET /api/recordings/ID/recording.rrd        the recording, converted for a viewer while sent; with `most`, thinned
 GET /api/recordings/ID/amount               share of it that a viewer in a browser gets, shown beside the viewer
-WS  /rerun/live?device=ID                   <── batches of .rrd, and {"lag_ms", "dropped"} twice a second
+WS  /rerun/live?device=ID                   <── batches of .rrd, and {"lag_ms", "sent_ms", "dropped"} twice a second
                                             ──> number of batches that the viewer has taken, in decimal
 
 The page may connect to this server only. The viewer would ask its makers' hosts for news and report to them that it was
@@ -15,6 +15,7 @@ import asyncio
 import contextlib
 import gzip
 import math
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -183,7 +184,8 @@ async def _send(socket: WebSocket, feed: RerunFeed, viewer: RerunViewer) -> None
             await socket.send_bytes(batch)
             if newest and loop.time() >= next_report_s:
                 next_report_s = loop.time() + LAG_INTERVAL_S
-                await socket.send_json({"kind": "lag", "lag_ms": feed.lag_ms(newest), "dropped": viewer.dropped})
+                age = {"lag_ms": feed.lag_ms(newest), "sent_ms": 1000 * time.time()}
+                await socket.send_json({"kind": "lag", **age, "dropped": viewer.dropped})
 
 
 async def _receive(socket: WebSocket, viewer: RerunViewer) -> None:

@@ -213,6 +213,15 @@ function follow(handle, device) {
   connect();
 }
 
+/** Shortest time from the server to this page, ms, with the difference of both clocks: what a report takes longer, it waited. */
+let shortest = Infinity;
+
+/** Age of the newest sample in the picture, ms: that when it was sent, and what it has waited for in this browser since. */
+function lateness({ lag_ms: lag, sent_ms: sent }, now) {
+  shortest = Math.min(shortest, now - sent);
+  return lag + now - sent - shortest;
+}
+
 /** How late the picture is, and what was left out for it. */
 function tell(state) {
   foot.hidden = false;
@@ -222,8 +231,9 @@ function tell(state) {
     return;
   }
   const dropped = state.dropped ? ` · ${state.dropped} left out` : "";
-  lagLine.textContent = `${Math.round(state.lag_ms)} ms behind${dropped}`;
-  lagLine.classList.toggle("late", state.lag_ms > LATE_MS || state.dropped > 0);
+  const late = lateness(state, Date.now());
+  lagLine.textContent = `${late < 10_000 ? `${Math.round(late)} ms` : `${(late / 1000).toFixed(1)} s`} behind${dropped}`;
+  lagLine.classList.toggle("late", late > LATE_MS || state.dropped > 0);
 }
 
 main().catch((error) => say(String(error.message ?? error)));

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import imuscope
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.tables.options import TableOptions
@@ -45,6 +46,13 @@ def test_samples_of_a_packet_are_spread_over_it(
         " ".join(source.axis.sentences())
     )
     assert len(rows.columns[heading][0]) == N  # the times of the file stay a column
+
+
+def test_the_library_takes_the_end_of_a_packet(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(_packets("timestamp", of_last=True))
+    with imuscope.open(path, packet_stamp="last") as opened:
+        np.testing.assert_allclose(opened["xyz"].time - START, np.arange(N) * STEP, atol=1e-6)
 
 
 def test_whole_seconds_are_spread_from_where_the_first_one_was_entered(tmp_path: Path) -> None:

@@ -137,6 +137,7 @@ def test_live_data_are_sent_as_self_contained_batches(running: ServerProcess, tm
     report, batches = streamed(running.url, 12)
     assert report["kind"] == "lag"
     assert report["lag_ms"] >= 0
+    assert report["sent_ms"] > 1e12  # unix ms
     assert report["dropped"] == 0
     results: set[str] = set()
     for number, batch in enumerate(batches):

@@ -100,6 +100,9 @@ export function StoredSection({ session, deps }: Props) {
 
 type Run = (act: () => Promise<HttpProblem | undefined>, done: string) => Promise<void>;
 
+/** Characters of a name that the server takes. */
+const MAX_NAME = 80;
+
 function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
   const text = useSignal("");
   const save = async (event: Event): Promise<void> => {
@@ -114,13 +117,18 @@ function SaveNew({ session, deps, run }: Props & { readonly run: Run }) {
       <span class="field">
         <input
           value={text}
-          maxLength={80}
+          maxLength={MAX_NAME}
           aria-label={TEXT.newName}
           placeholder={TEXT.newName}
           onInput={(event) => (text.value = event.currentTarget.value)}
         />
       </span>
       <Button changes type="submit" look="edge" words={TEXT.saveNew} disabled={text.value.trim() === ""} />
+      {text.value.length >= MAX_NAME && (
+        <small class="dim" role="status">
+          {TEXT.longest(MAX_NAME)}
+        </small>
+      )}
     </form>
   );
 }

@@ -65,3 +65,14 @@ it("of two workspaces that are chosen quickly the last is shown, whichever comes
   expect(currentOf(sessionOf(app, app.viewState)).value?.name).toBe("Two");
   expect(screen.getByText(TEXT.opened("Two"))).toBeTruthy();
 });
+
+/** Regression: a longer name was cut without a word. */
+it("a name that is cut at its limit says so", async () => {
+  await openPage(recorded("xbus"), { answers: { "GET /api/workspaces": { workspaces: [], defaults: {} } } });
+  fireEvent.keyDown(document.body, { key: "w" });
+  const name = await screen.findByLabelText(TEXT.newName);
+  fireEvent.input(name, { target: { value: "Bench" } });
+  expect(screen.queryByText(TEXT.longest(80))).toBeNull();
+  fireEvent.input(name, { target: { value: "B".repeat(80) } });
+  await screen.findByText(TEXT.longest(80));
+});

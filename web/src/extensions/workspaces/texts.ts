@@ -1,7 +1,9 @@
 /** Texts of stored workspaces. */
+import { count } from "../../texts/plural";
 import type { Value } from "../../wire/texts";
 
 export const TEXT = {
+  longest: (characters: number) => `A name has ${count(characters, "character")} at most.`,
   chooseWorkspace: "Open a workspace…",
   noneStored: "No workspace stored yet",
   save: "Save",
