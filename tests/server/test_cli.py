@@ -54,8 +54,8 @@ def test_text_that_the_terminal_lacks_is_written_in_ascii(monkeypatch: pytest.Mo
     [
         (("serve", "nothing://x"), "nothing://x"),
         (
-            ("--port", "8081", "serve", "sim:xbus"),
-            "serve is a command; write it before its options: imuscope serve --port",
+            ("--protocol", "xbus", "inspect", "a.bin"),
+            "inspect is a command; write it before its options: imuscope inspect --protocol",
         ),
         (("serve", "--protocol", "morse"), "unknown protocol 'morse'"),
         (("serve", "sim:xbus?protocol=morse"), "unknown protocol 'morse'"),

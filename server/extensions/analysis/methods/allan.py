@@ -69,10 +69,11 @@ def run(signal: Signal, options: Settings) -> Result:
     ramp = "" if problems else _ramp_note(model, signal.unit)
     if not problems:
         level = measured.regularity.level
-        may_change = measured.slow.is_suspected
+        may_change = measured.slow.is_suspected or measured.regularity.may_jump
         model = model.widened((level.low, level.high) if level else (1.0, 1.0), may_change=may_change)
-    if not problems and not ramp and measured.slow.is_suspected:
-        ramp = f"The bias may follow {measured.slow.words}; then K and B contain it. Record longer to find out."
+    if not problems and not ramp and may_change:
+        course = f"follow {measured.slow.words}" if measured.slow.is_suspected else "jump"
+        ramp = f"The bias may {course}; then K and B contain it. Record longer to find out."
     sheet = signal.data_sheet
     compared: Result = {} if sheet is None else {"data_sheet": sheet_curve(sheet, curve.tau).tolist()}
     if sheet is not None and problems:

@@ -31,6 +31,7 @@ TAIL_ERRORS = 10.0  # of white noise, from which a moment is that of bursts
 MIN_FLATNESS, MAX_TAIL, MAX_SKEWNESS = 0.06, 0.3, 0.1
 """Kurtosis below and above that of Gauss, and skewness, that change noise parameters by less than 1 %, 5 % and 1 %."""
 STEP_WINDOWS = 2000
+SUSPECTED_SIGMAS = 5.2  # of a jump: one of 100 sensors without has it
 STEP_SCALES = ((1, 6.5), (2, 6.5), (4, 6.5), (8, 7.0), (16, 7.5), (32, 9.0))
 """Windows on each side, and standard deviations of a jump: the fewer windows, the less sure the deviation."""
 
@@ -128,23 +129,36 @@ class Regularity:
         away, logs = np.square(means - means.mean()), np.log(self._variances)
         return bool(np.corrcoef(away, logs)[0, 1] * np.sqrt(len(means)) < -COMPRESSION_SIGMAS)
 
-    @cached_property
+    @property
     def jump(self) -> Jump | None:
         """The largest jump of the mean that is none of a random walk; None without."""
+        return self._jumps[1]
+
+    @property
+    def may_jump(self) -> bool:
+        """Whether the mean may jump by less than is certain."""
+        return self._jumps[0] > SUSPECTED_SIGMAS
+
+    @cached_property
+    def _jumps(self) -> tuple[float, Jump | None]:
+        """The largest jump of the mean in standard deviations, and the one that is none of a random walk."""
         length = max(1, sum(run.stop - run.start for run in self.runs) // STEP_WINDOWS)
         best: tuple[float, Jump | None] = (1.0, None)
+        sigmas = 0.0
         means = [_rows(self.values[run], length).mean(axis=1) for run in self.runs]
         for scale, limit in STEP_SCALES:
-            jumps = [_jumps(part, scale) for part in means]
+            jumps = [_differences(part, scale) for part in means]
             everything = np.concatenate(jumps)
             if len(everything) < 40 * scale:
                 break
             sigma = float(np.median(np.abs(everything))) / 0.6745
             for run, own in zip(self.runs, jumps, strict=True):
-                if sigma > 0 and len(own) and (size := float(np.abs(own).max())) > limit * sigma * best[0]:
+                size = float(np.abs(own).max()) if len(own) else 0.0
+                sigmas = max(sigmas, size / sigma if sigma > 0 else 0.0)
+                if sigma > 0 and size > limit * sigma * best[0]:
                     at = int(np.abs(own).argmax())
                     best = size / limit / sigma, Jump(run.start + (at + scale) * length, float(own[at]))
-        return best[1]
+        return sigmas, best[1]
 
 
 def _rows(values: Floats, length: int) -> Floats:
@@ -153,7 +167,7 @@ def _rows(values: Floats, length: int) -> Floats:
     return values[: count * length].reshape(count, length)
 
 
-def _jumps(means: Floats, scale: int) -> Floats:
+def _differences(means: Floats, scale: int) -> Floats:
     """Mean of the `scale` windows after each edge of two, without that of as many before it."""
     if len(means) < 2 * scale:
         return np.empty(0)
