@@ -32,6 +32,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from imuscope.recordings.errors import near_miss
 from imuscope.signals import (
     Device,
     ImuscopeError,
@@ -43,7 +44,6 @@ from imuscope.signals import (
     column_of,
     dataset,
     html_table,
-    near_miss,
     package,
 )
 

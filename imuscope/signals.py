@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import difflib
 import functools
 import html
 import importlib
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.clocks.unix_time import NO_TIME, seconds
-from imuscope.recordings.errors import ExplainedError
+from imuscope.recordings.errors import ExplainedError, near_miss
 
 if TYPE_CHECKING:
     import pandas
@@ -36,13 +35,6 @@ R = TypeVar("R")
 
 class ImuscopeError(Exception):
     """Something that cannot be opened, found, analysed or exported: one sentence, and what to do."""
-
-
-def near_miss(name: str, known: Sequence[str]) -> str:
-    """Question for the most similar name, to be put after it; "" without one."""
-    by_case = {one.casefold(): one for one in known}
-    near = difflib.get_close_matches(name.casefold(), by_case, 1)
-    return f" (did you mean {by_case[near[0]]!r}?)" if near else ""
 
 
 def choice(option: str, value: str, known: Sequence[str]) -> None:

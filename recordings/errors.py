@@ -1,6 +1,7 @@
 """Errors that a user can do something about: a failing disk, a file of a later version."""
 
 import errno
+from collections.abc import Iterable
 from pathlib import Path
 
 READABLE = "Is it there, and may this server read it?"
@@ -23,6 +24,15 @@ _WORDS = {
     errno.EEXIST: "There is a file of that name already",
     errno.EIO: "The disk failed (input/output error)",
 }
+
+
+def near_miss(name: str, known: Iterable[str]) -> str:
+    """Question for the most similar name, to be put after it; "" without one."""
+    from difflib import get_close_matches
+
+    by_case = {one.casefold(): one for one in known}
+    near = get_close_matches(name.casefold(), by_case, 1)
+    return f" (did you mean {by_case[near[0]]!r}?)" if near else ""
 
 
 class ExplainedError(Exception):

@@ -12,6 +12,8 @@ import gc
 import io
 import logging
 import os
+import re
+import shutil
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -47,7 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - until the end
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.encoding.lower() != "utf-8":
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may lack a degree sign
-    if not words or (words[0] not in COMMANDS and words[0] not in ("-h", "--help", "--version")):
+    if words[:1] == ["help"] and not os.path.exists("help"):
+        words = [*words[1:2], "--help"]
+    if not words or (words[0] not in COMMANDS and words[0] not in ("-h", "--help", "-V", "--version")):
         words = ["serve", *(word for word in words if word != "serve")]  # also "--port 8081 serve …"
     collects = gc.isenabled()
     if words[0] == "serve":
@@ -113,7 +117,7 @@ def _silence() -> None:
 def _ports(options: argparse.Namespace) -> None:
     from imuscope.server.links.ports import print_ports
 
-    print_ports(sys.stdout)
+    print_ports(sys.stdout, as_json=options.format == "json")
 
 
 def _doctor(options: argparse.Namespace) -> int:
@@ -217,14 +221,23 @@ def _record(options: argparse.Namespace) -> None:
 
 def _decode(options: argparse.Namespace) -> None:
     file, decode_options = file_to_decode(options)
+    from imuscope.recordings.system.temporary_folder import TemporaryFolder
     from imuscope.server.commands.decode import DecodedPart, decode_file
 
     part = DecodedPart(
         options.begin, options.end, options.device, tuple(options.channel or ()), not options.without_position
     )
-    with seekable(file) as path:
-        for made in decode_file(path, options.output, decode_options, sys.stderr, part):
-            print(made)
+    streamed = re.fullmatch(r"-(\..+)?", str(options.output))
+    with seekable(file) as path, TemporaryFolder() if streamed else contextlib.nullcontext() as folder:
+        out = folder / f"output{streamed[1] or '.csv'}" if streamed and folder else options.output
+        files = decode_file(path, out, decode_options, sys.stderr, part)
+        if not folder:
+            print(*files, sep="\n")
+        elif len(files) != 1 or not files[0].is_file():
+            raise UsageError("standard output takes one file, and this makes several; name a message with --channel")
+        else:
+            with files[0].open("rb") as made:
+                shutil.copyfileobj(made, sys.stdout.buffer)
 
 
 def _replay(options: argparse.Namespace) -> None:

@@ -10,6 +10,7 @@ from typing import NoReturn, TypeAlias
 
 from imuscope.protocols.family.decode_options import DecodeOption, Scope
 from imuscope.protocols.family.plugins import protocol_names
+from imuscope.recordings.errors import near_miss
 from imuscope.recordings.optional_packages import installation_of
 from imuscope.server.commands.file_arguments import add_decode
 from imuscope.server.commands.page_arguments import add_page_address
@@ -79,6 +80,9 @@ class _Parser(argparse.ArgumentParser):
     commands: "dict[str, _Parser]"
 
     def error(self, message: str) -> NoReturn:
+        words = message.removeprefix("unrecognized arguments: ").split()
+        if words and message.startswith("unrecognized arguments: -"):
+            message += near_miss(words[0].partition("=")[0], self._option_string_actions)
         print(f"imuscope: {message}. See `{self.prog} --help`.", file=sys.stderr)
         raise SystemExit(1)
 
@@ -86,7 +90,8 @@ class _Parser(argparse.ArgumentParser):
         """Reject a value that is not a choice, and list the choices."""
         if action.choices is not None and value not in action.choices:
             known = ", ".join(map(str, action.choices))
-            raise argparse.ArgumentError(action, f"invalid choice {value!r}; valid choices: {known}")
+            near = near_miss(str(value), map(str, action.choices))
+            raise argparse.ArgumentError(action, f"invalid choice {value!r}{near}; valid choices: {known}")
 
 
 def _bus_id(text: str) -> str:
@@ -177,7 +182,7 @@ def parser(*, with_help: bool = True, command: str = "") -> _Parser:
         epilog=about.environment,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    root.add_argument("--version", action=_PrintVersion, nargs=0, help="show version and commit, and exit")
+    root.add_argument("-V", "--version", action=_PrintVersion, nargs=0, help="show version and commit, and exit")
     commands = root.add_subparsers(dest="command", metavar="COMMAND")
     _add_serve(commands.add_parser, about)
     _add_ports(commands.add_parser)
@@ -223,6 +228,7 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
 
 def _add_ports(add_parser: _AddParser) -> None:
     command = add_parser("ports", help="list serial ports and the protocol detected on each")
+    _add_format(command, ("table", "json"), "table for people, json for programs")
     _add_data(command)
 
 

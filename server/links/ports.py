@@ -8,10 +8,11 @@ another program is not opened.
 
 import asyncio
 import glob
+import json
 import os
 import time
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TextIO
 
@@ -187,8 +188,11 @@ async def scan(
     return infos
 
 
-def print_ports(out: TextIO) -> None:
-    """`imuscope ports`: list every port and print each attempt as it is made."""
+def print_ports(out: TextIO, *, as_json: bool = False) -> None:
+    """`imuscope ports`: list every port and print each attempt as it is made; as JSON once all are made."""
+    if as_json:
+        out.write(json.dumps([asdict(info) for info in asyncio.run(scan())], ensure_ascii=False) + "\n")
+        return
     infos = list_ports()
     if not infos:
         print("No serial port is present. Is the sensor plugged in? (`lsusb`, `dmesg | tail`)", file=out)

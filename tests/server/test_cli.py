@@ -26,6 +26,40 @@ def test_version_and_help_are_answered() -> None:
     assert "SOURCE" in imuscope("serve", "--help").stdout
 
 
+def test_the_version_imports_no_command() -> None:
+    """It took 0.9 s of a processor."""
+    code = "import sys, imuscope.__main__ as cli; sys.argv = ['imuscope', '-V']; cli.main(); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    version, modules = done.stdout.splitlines()
+    assert version.startswith("imuscope ")
+    assert not {"argparse", "pydantic", "imuscope.server.cli"} & set(modules.split())
+
+
+@each_row(
+    ("arguments", "words"),
+    [
+        (("help", "decode"), "usage: imuscope decode"),
+        (("help",), "usage: imuscope"),
+        (("decode", "a.csv", "-o", "b.csv", "--devise", "1"), "--devise 1 (did you mean '--device'?)"),
+        (("calibrate", "a.csv", "gyroscop"), "'gyroscop' (did you mean 'gyroscope'?)"),
+        (
+            ("query", "--store", "no-such-folder", "select 1"),
+            "no-such-folder does not exist; give the folder of a store",
+        ),
+    ],
+)
+def test_misspelt_words_are_answered_with_the_nearest(
+    arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        status = main(arguments)
+    except SystemExit as end:
+        status = int(end.code or 0)
+    printed = capsys.readouterr()
+    assert words in printed.out + printed.err
+    assert status == (0 if arguments[0] == "help" else 1)
+
+
 def test_heavy_parts_are_not_imported_for_help() -> None:
     code = "import sys, imuscope.server.cli; print(sorted({'fastapi', 'numpy'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)

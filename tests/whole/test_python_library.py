@@ -125,7 +125,7 @@ def test_analyses_and_exports_are_those_of_the_command_line(drive: Path, tmp_pat
         words = ("analyse", str(drive), "psd", "--signal", "RateOfTurn.x", "--from", "1", "--to", "4")
         report = run_command(*words, "--format", "json", *data)
         assert report.returncode == 0, report.stderr
-        assert json.loads(report.stdout) == json.loads(json.dumps(figures["RateOfTurn.x"]))
+        assert json.loads(report.stdout) == json.loads(json.dumps(figures))
         header, *rows = path.read_text().splitlines()
         assert "RateOfTurn" in header or "Rate of turn" in header
         assert len(rows) == len(recording["RateOfTurn"].between(1, 1e6))

@@ -33,7 +33,9 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
     command.add_argument(
         "--format", choices=("text", "json", "yaml", "csv", "c"), help="default: that of the suffix of OUT, else text"
     )
-    command.add_argument("-o", "--output", type=Path, metavar="OUT", help="file to write (default: standard output)")
+    command.add_argument("--json", dest="format", action="store_const", const="json", help="same as --format json")
+    words = 'file to write (default, and "-": standard output)'
+    command.add_argument("-o", "--output", type=Path, metavar="OUT", help=words)
     return command
 
 
@@ -45,6 +47,8 @@ def run(options: argparse.Namespace) -> None:
     from imuscope.server.extensions.calibration.kinds import CalibrationOptions
 
     facts = CalibrationOptions(options.field, options.gravity, options.square, options.vertical)
+    if options.output == Path("-"):
+        options.output = None
     if options.output is not None and options.output.exists() and options.output.samefile(file):
         raise UsageError("OUT is the input file; give another name")
     form = format_of(options.format or "", options.output)

@@ -33,6 +33,24 @@ def test_a_log_becomes_a_file_per_message(tmp_path: Path, capsys: pytest.Capture
     assert float(rows[0]["I.acc.z (m/s²)"]) == pytest.approx(-9.80665, abs=1e-6)
 
 
+def test_one_file_goes_to_standard_output(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> None:
+    table = tmp_path / "a.csv"
+    table.write_text("time (s),x\n" + "".join(f"{1.5e9 + k / 10:.1f},{k}\n" for k in range(20)))
+    assert main(["decode", str(table), "-o", str(tmp_path / "b.csv")]) == 0
+    [named] = tmp_path.glob("b*.csv")
+    capfdbinary.readouterr()
+    assert main(["decode", str(table), "-o", "-"]) == 0
+    assert capfdbinary.readouterr().out == named.read_bytes()
+    assert main(["decode", str(table), "--output=-.parquet"]) == 0
+    assert pq.read_table(io.BytesIO(capfdbinary.readouterr().out)).num_rows == 20
+
+
+@needs_logs
+def test_several_files_are_refused_on_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["decode", str(LOGS / f"{NAME}.raw"), "-o", "-"]) == 1
+    assert "name a message with --channel" in capsys.readouterr().err
+
+
 @pytest.fixture
 def usual_signals() -> Iterator[None]:
     """Signals as a terminal starts a program with them: under `nohup` SIGHUP is ignored."""

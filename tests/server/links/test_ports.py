@@ -1,6 +1,7 @@
 """The list of serial ports, and listening on the free ones."""
 
 import io
+import json
 import os
 from pathlib import Path
 
@@ -88,3 +89,12 @@ def test_print_ports(monkeypatch: pytest.MonkeyPatch) -> None:
     assert lines[0] == f"{bench.slave}  FTDI adapter"
     assert "115 200 Bd: " in lines[-1]
     assert "Xbus frame" in lines[-1]
+
+
+def test_ports_are_a_list_for_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = [ports.PortInfo("/dev/ttyX", "FTDI adapter", busy="minicom")]
+    for infos in ([], listed):
+        monkeypatch.setattr(ports, "list_ports", lambda in_use=(), infos=infos: infos)
+        out = io.StringIO()
+        ports.print_ports(out, as_json=True)
+        assert [one["device"] for one in json.loads(out.getvalue())] == [one.device for one in infos]

@@ -111,10 +111,9 @@ def print_text(analysis: str, name: str, reports: Sequence[SignalReport], out: T
 
 
 def print_json(reports: Sequence[SignalReport], out: TextIO) -> None:
-    """One signal: an object of its figures; several: such objects by name of the signal."""
+    """An object of figures by name of the signal."""
     body = {report.name: report.figures for report in reports}
-    shown = next(iter(body.values())) if len(body) == 1 else body
-    out.write(json.dumps(shown, ensure_ascii=False, allow_nan=False) + "\n")
+    out.write(json.dumps(body, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def print_table(reports: Sequence[SignalReport], out: TextIO) -> None:

@@ -12,6 +12,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from imuscope.protocols.family.plugins import Registry
+from imuscope.recordings.errors import near_miss
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.signals import Signal
 from imuscope.server.extensions.analysis.signals.units import Unit
@@ -122,7 +123,7 @@ class Analysis:
         for name in values:
             if name not in known:
                 hint = f"Its options: {', '.join(known)}." if known else "It has no options."
-                raise DomainError("bad-value", f"{self.title} has no option {name:.40}.", hint)
+                raise DomainError("bad-value", f"{self.title} has no option {name:.40}{near_miss(name, known)}.", hint)
         return {
             name: option.checked(values[name]) if name in values else option.default for name, option in known.items()
         }
@@ -176,5 +177,7 @@ def analysis_named(name: str) -> Analysis:
     """
     known = ANALYSES.all()
     if name not in known:
-        raise DomainError("not-found", f"Analysis {name:.40} not found.", f"Available: {', '.join(known)}.")
+        raise DomainError(
+            "not-found", f"Analysis {name:.40} not found{near_miss(name, known)}.", f"Available: {', '.join(known)}."
+        )
     return known[name]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from imuscope.protocols.arrays import Floats
 from imuscope.recordings.columns.rows import ExactRows
 from imuscope.recordings.columns.store import Base, ColumnStore
+from imuscope.recordings.errors import near_miss
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.companions import CompanionChannels, Companions
 from imuscope.server.extensions.analysis.signals.stillness import StepMeans
@@ -275,7 +276,9 @@ def _columns(infos: Sequence[ChannelInfo], word: str, device: str) -> list[Signa
         there = f"Channels: {', '.join(sorted({info.name for info in own})):.400}."
         if others := sorted({f"{info.device}/{name:.60}" for info in _fitting(infos, name)}):
             there = f"Another device has it: {', '.join(others):.400}."
-        raise DomainError("not-found", f"Signal {word:.60} not found.", there)
+        columns = [f"{info.name}.{column.name}" for info in own for column in info.columns]
+        near = near_miss(name, [*(info.name for info in own), *columns])
+        raise DomainError("not-found", f"Signal {word:.60} not found{near}.", there)
     length = len(fitting[0].name)
     devices = sorted({info.device for info in fitting})
     if len(devices) > 1:

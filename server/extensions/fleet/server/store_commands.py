@@ -68,7 +68,10 @@ def query(options: argparse.Namespace) -> None:
     with _packages():
         from imuscope.server.extensions.fleet.query.query import QueryLimits, run_query
         from imuscope.server.extensions.fleet.query.results import write_arrow, write_csv, write_json, write_table
-    with run_query(location(options.store), sql, QueryLimits(options.memory, options.timeout)) as reader:
+    store = location(options.store)
+    if store.folder is not None and not store.folder.is_dir():
+        raise UsageError(f"{store.folder} does not exist; give the folder of a store")
+    with run_query(store, sql, QueryLimits(options.memory, options.timeout)) as reader:
         match options.format:
             case "arrow":
                 write_arrow(reader, sys.stdout.buffer)

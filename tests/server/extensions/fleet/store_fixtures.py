@@ -46,7 +46,7 @@ class Commands:
         key = hashlib.sha256(file.read_bytes() + robot.encode()).hexdigest()
         if not (self._stores / key).exists():
             self.upload(file, self._stores / key, robot)
-        shutil.copytree(self._stores / key, store)
+        shutil.copytree(self._stores / key, store, dirs_exist_ok=True)
 
     def query(self, store: Path | str, sql: str) -> list[dict[str, Any]]:
         """The answer to a question, from JSON."""

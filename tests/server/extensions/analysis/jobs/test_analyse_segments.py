@@ -30,7 +30,7 @@ def files(tmp_path: Path) -> tuple[Path, Path, Path]:
 
 def figures(capsys: pytest.CaptureFixture[str], path: Path, analysis: str, signal: str = "x") -> dict[str, Any]:
     assert main(["analyse", str(path), analysis, "--signal", signal, "--json"]) == 0
-    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
+    [answer] = json.loads(capsys.readouterr().out).values()
     return answer
 
 

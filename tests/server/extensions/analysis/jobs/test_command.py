@@ -69,7 +69,7 @@ def test_a_bias_at_rest_is_found_and_written_in_every_format(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = at_rest(tmp_path / "rest.bin")
-    body = json.loads(printed(capsys, "calibrate", file, "gyroscope", "--format", "json"))
+    body = json.loads(printed(capsys, "calibrate", file, "gyroscope", "--json", "-o", "-"))
     bias = np.array(body["correction"]["bias"])
     scale = 1.0 if body["correction"]["unit"] == "rad/s" else np.degrees(1)
     assert np.allclose(bias / scale, BIAS, atol=2e-4)

@@ -334,7 +334,7 @@ def test_one_axis_of_a_table_is_judged_by_its_own_noise(
     file = captures.parent / "cases" / "verdicts" / f"{name}.csv"
     if not file.exists():
         pytest.skip(f"{file} is not there")
-    figures = found_in(file, ["gyr_x"], capsys)
+    [figures] = found_in(file, ["gyr_x"], capsys).values()
     assert figures["obstacles"][0]["message"].startswith(words)
     assert "parameters" not in figures
 
