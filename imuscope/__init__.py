@@ -26,10 +26,13 @@ if TYPE_CHECKING:
 
     from imuscope.live import Batch, LiveSignal, Server, connect
     from imuscope.recording import Event, Recording, open  # noqa: A004
+    from imuscope.results import Calibration, Comparison
     from imuscope.signals import Device, ImuscopeError, Signal
 
 __all__ = [
     "Batch",
+    "Calibration",
+    "Comparison",
     "Device",
     "Event",
     "ImuscopeError",
@@ -41,6 +44,7 @@ __all__ = [
     "open",
 ]
 _OF_LIVE = ("Batch", "LiveSignal", "Server", "connect")
+_OF_RESULTS = ("Calibration", "Comparison")
 _OF_SIGNAL = ("Device", "ImuscopeError", "Signal")
 
 
@@ -48,7 +52,8 @@ def __getattr__(name: str) -> "Any":
     """A public name, imported when it is used: `imuscope --version` needs none of them."""
     if name not in __all__:
         raise AttributeError(f"module 'imuscope' has no attribute {name!r}")
-    module = "live" if name in _OF_LIVE else "signals" if name in _OF_SIGNAL else "recording"
+    homes = (("live", _OF_LIVE), ("signals", _OF_SIGNAL), ("results", _OF_RESULTS))
+    module = next((module for module, names in homes if name in names), "recording")
     return getattr(import_module(f"imuscope.{module}"), name)
 
 

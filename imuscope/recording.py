@@ -23,8 +23,6 @@ The examples here are of this table, whose clock goes back:
 
 from __future__ import annotations
 
-import difflib
-import html
 import shutil
 import tempfile
 import weakref
@@ -34,10 +32,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from imuscope.signals import Device, ImuscopeError, Signal, column_names, column_of
+from imuscope.signals import (
+    Device,
+    ImuscopeError,
+    Signal,
+    Units,
+    checked,
+    choice,
+    column_names,
+    column_of,
+    dataset,
+    html_table,
+    near_miss,
+    package,
+)
 
 if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from imuscope.frames import Align, Frame
     from imuscope.recordings.columns.store import ColumnStore
+    from imuscope.results import Calibration, CalibrationKind, Comparison, MessageClocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,9 +186,7 @@ class Recording:
             )
             for one in self.signals
         ]
-        cells = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-        head = "".join(f"<th>{one}</th>" for one in heads)
-        return f"<p>{html.escape(repr(self))}</p><table><thead><tr>{head}</tr></thead><tbody>{cells}</tbody></table>"
+        return html_table(repr(self), heads, rows)
 
     def __repr__(self) -> str:
         lasts = f"{self.end - self.start:.3f} s" if self.start is not None and self.end is not None else "no samples"
@@ -196,9 +210,62 @@ class Recording:
             words = several if len({one.device.id for one in named}) == len(named) else f"from {messages}"
             raise ImuscopeError(f"{self.path.name} has several signals {name!r}: {words}. Use `signals` to choose one.")
         known = list(dict.fromkeys(one.title for one in self.signals))
-        near = _nearest(name, [*known, *(one.name for one in self.signals)])
+        near = near_miss(name, [*known, *(one.name for one in self.signals)])
         raise ImuscopeError(f"{self.path.name} has no signal {name!r}{near}; it has: {', '.join(known) or 'none'}")
 
+    def _frame(self, signals: str | Signal | Sequence[str | Signal], align: Align, rate: float, units: Units) -> Frame:
+        from imuscope.frames import frame_of
+
+        names = (signals,) if isinstance(signals, str | Signal) else signals
+        chosen = [self[one] if isinstance(one, str) else one for one in names] or self.signals
+        return frame_of(chosen, align, rate, units)
+
+    @checked
+    def to_pandas(
+        self,
+        signals: str | Signal | Sequence[str | Signal] = (),
+        *,
+        align: Align = "nearest",
+        rate: float = 0.0,
+        units: Units = "shown",
+    ) -> pandas.DataFrame:
+        """Several signals in one frame of pandas, over UTC; columns are named "RateOfTurn.x".
+
+        >>> recording.to_pandas("gyr", units="SI").columns.tolist()
+        ['gyr.x', 'gyr.y', 'gyr.z']
+
+        Args:
+            signals: names, or signals (parts of them, too); none for all.
+            align: "nearest": of each signal its nearest sample, at most half of its step away, else NaN;
+                "interpolate": linear between two samples, NaN across gaps and steps of the clock. Counts and flags are
+                always those of the nearest sample.
+            rate: of even times, Hz; 0 for the times of the signal with the most samples.
+            units: "shown": as stored; "SI". They are in `attrs["units"]`, by column.
+
+        Raises:
+            ImuscopeError: pandas is not installed, a name is unknown, or there are no samples.
+        """
+        frame = self._frame(signals, align, rate, units)
+        made_by = package("pandas")
+        index = made_by.DatetimeIndex(frame.time_ns.astype("datetime64[ns]"), name="time").tz_localize("UTC")
+        made: pandas.DataFrame = made_by.DataFrame(frame.columns, index)
+        made.attrs["units"] = frame.units
+        return made
+
+    @checked
+    def to_xarray(
+        self,
+        signals: str | Signal | Sequence[str | Signal] = (),
+        *,
+        align: Align = "nearest",
+        rate: float = 0.0,
+        units: Units = "shown",
+    ) -> xarray.Dataset:
+        """The frame of `to_pandas` in xarray: a variable for each column over `time`, with its unit."""
+        frame = self._frame(signals, align, rate, units)
+        return dataset(frame.time_ns, frame.columns, frame.units, {"title": self.path.name})
+
+    @checked
     def analyse(
         self, analysis: str, *signals: str, begin_s: float = 0.0, end_s: float | None = None, **options: float | str
     ) -> dict[str, dict[str, Any]]:
@@ -218,18 +285,101 @@ class Recording:
         Raises:
             ImuscopeError: it is unknown, or does not apply.
         """
-        from imuscope.recordings.errors import ExplainedError
         from imuscope.server.extensions.analysis.jobs.analyse import AnalyseRequest, reports_of
 
         if wrong := [name for name in signals if not isinstance(name, str)]:
             raise ImuscopeError(f"{wrong[0]!r} is no name of a signal; give names one after the other.")
         texts = tuple(f"{name}={value}" for name, value in options.items())
         request = AnalyseRequest(analysis, signals, begin_s, end_s, texts)
-        try:
-            return {report.name: dict(report.figures) for report in reports_of(self._store, self.path.name, request)}
-        except ExplainedError as error:
-            raise ImuscopeError(error.text) from None
+        return {report.name: dict(report.figures) for report in reports_of(self._store, self.path.name, request)}
 
+    def time(self) -> tuple[MessageClocks, ...]:
+        """Every clock of the file, by device and message, and which of them is the time axis: as `imuscope time`.
+
+        >>> [clock.name for clock in recording.time()[0].clocks if clock.is_axis]
+        ['time']
+        """
+        from imuscope.server.extensions.clocks.figures import clocks_of
+
+        return tuple(clocks_of(self._store))
+
+    @checked
+    def calibrate(
+        self,
+        kind: CalibrationKind,
+        *,
+        device: str = "",
+        begin_s: float = 0.0,
+        end_s: float | None = None,
+        field: float = 0.0,
+        gravity: float = 0.0,
+        square: bool = False,
+        vertical: Literal["up", "down"] = "up",
+    ) -> Calibration:
+        """Calibrate a sensor with the samples: as `imuscope calibrate`.
+
+        Args:
+            kind: "gyroscope", "magnetometer", "accelerometer" or "mounting".
+            device: id or name, if there are several.
+            begin_s, end_s: seconds from the beginning of the recording.
+            field: magnetometer: field strength, in the unit of the signal; 0 if unknown.
+            gravity: accelerometer: local gravity, m/s²; 0 if unknown.
+            square: accelerometer: the housing is square and rests on a level table.
+            vertical: mounting: where z of the vehicle points.
+
+        Raises:
+            ImuscopeError: the samples do not determine the answer; the sentence says why.
+        """
+        from imuscope.results import Calibration
+        from imuscope.server.commands.decode import time_range_of
+        from imuscope.server.extensions.calibration.calibrate import calibrated
+        from imuscope.server.extensions.calibration.kinds import METHODS, CalibrationOptions
+
+        choice("kind", kind, tuple(METHODS))
+        choice("vertical", vertical, ("up", "down"))
+        options = CalibrationOptions(field, gravity, square, vertical)
+        span = time_range_of(self._store, self.path.name, begin_s, end_s)
+        return Calibration.of(calibrated(self._store, self.path.name, kind, self._device_id(device), span, options))
+
+    @checked
+    def compare(
+        self,
+        other: Recording,
+        *signals: str,
+        signals_b: Sequence[str] = (),
+        align: Literal["offset", "start", "correlation"] = "offset",
+        offset_s: float = 0.0,
+        search_s: float | None = None,
+        begin_s: float = 0.0,
+        end_s: float | None = None,
+    ) -> Comparison:
+        """Compare signals of this recording, A, with those of another one, B: as `imuscope analyse A comparison`.
+
+        >>> recording.compare(recording, "gyr.x").signals[0].figures["rms"]
+        0.0
+
+        Args:
+            signals: names.
+            signals_b: those of B, if they differ.
+            align: "offset": by the clock, B moved by `offset_s`; "start": the first samples coincide; "correlation":
+                where the signals fit best, at most `search_s` from `offset_s`.
+            begin_s, end_s: seconds from the beginning of each recording.
+
+        Raises:
+            ImuscopeError: a signal is unknown, or the sides cannot be aligned.
+        """
+        from imuscope.results import Comparison
+        from imuscope.server.extensions.analysis.compare.two_sides import ComparisonOptions, compared
+        from imuscope.server.extensions.analysis.jobs.compare import side_of
+
+        choice("align", align, ("offset", "start", "correlation"))
+        if not signals or (signals_b and len(signals_b) != len(signals)):
+            raise ImuscopeError("compare() needs the names of signals, and as many in signals_b if they differ in B.")
+        pairs = ((self, signals), (other, signals_b or signals))
+        sides = [side_of(one._store, one.path.name, names, begin_s, end_s) for one, names in pairs]  # noqa: SLF001
+        return Comparison.of(compared(sides, sides, ComparisonOptions(align, offset_s, search_s)))
+
+    @checked
     def export(
         self,
         out: str | Path,
@@ -252,15 +402,11 @@ class Recording:
         Raises:
             ImuscopeError: the format is unknown, or the part is empty.
         """
-        from imuscope.recordings.errors import ExplainedError
         from imuscope.server.commands.decode import DecodedPart, export_columns
 
-        try:
-            names = (signals,) if isinstance(signals, str) else signals
-            part = DecodedPart(begin_s, end_s, self._device_id(device), tuple(self[name].name for name in names))
-            return export_columns(self._store, self.path, Path(out), part)
-        except ExplainedError as error:
-            raise ImuscopeError(error.text) from None
+        names = (signals,) if isinstance(signals, str) else signals
+        part = DecodedPart(begin_s, end_s, self._device_id(device), tuple(self[name].name for name in names))
+        return export_columns(self._store, self.path, Path(out), part)
 
     def _device_id(self, name: str) -> str:
         of = [one.id for one in self.devices if name in (one.id, one.name)]
@@ -316,7 +462,7 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     for name in options:
         if name not in known:
             own = ("protocol", "time_column", "time_unit", "rate", "columns", "packet_stamp", "clock")
-            near = _nearest(name, [*known, *own])
+            near = near_miss(name, [*known, *own])
             raise ImuscopeError(f"There is no option {name!r}{near}; options of protocols: {', '.join(sorted(known))}.")
     table = TableOptions(time_column, time_unit, None, rate, columns or {}, packet_stamp)
     reading = DecodeOptions(protocol, options, table, clock)
@@ -332,10 +478,3 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
         if isinstance(error, OSError):
             raise ImuscopeError(f"{file}: {(error.strerror or 'it cannot be read').lower()}.") from None
         raise
-
-
-def _nearest(name: str, known: Sequence[str]) -> str:
-    """Question for the most similar name, to be put after it; "" without one."""
-    by_case = {one.casefold(): one for one in known}
-    near = difflib.get_close_matches(name.casefold(), by_case, 1)
-    return f" (did you mean {by_case[near[0]]!r}?)" if near else ""

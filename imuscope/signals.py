@@ -3,30 +3,73 @@
 from __future__ import annotations
 
 import datetime
+import difflib
 import functools
-from collections.abc import Mapping, Sequence
+import html
+import importlib
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.clocks.unix_time import NO_TIME, seconds
+from imuscope.recordings.errors import ExplainedError
 
 if TYPE_CHECKING:
     import pandas
     import polars
     import pyarrow
+    import xarray
 
     from imuscope.recordings.columns.store import ColumnStore
 
 Moment = float | datetime.datetime | np.datetime64
+Units = Literal["shown", "SI"]
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class ImuscopeError(Exception):
     """Something that cannot be opened, found, analysed or exported: one sentence, and what to do."""
+
+
+def near_miss(name: str, known: Sequence[str]) -> str:
+    """Question for the most similar name, to be put after it; "" without one."""
+    by_case = {one.casefold(): one for one in known}
+    near = difflib.get_close_matches(name.casefold(), by_case, 1)
+    return f" (did you mean {by_case[near[0]]!r}?)" if near else ""
+
+
+def choice(option: str, value: str, known: Sequence[str]) -> None:
+    """ImuscopeError for a value that is none of an option's."""
+    if value not in known:
+        raise ImuscopeError(
+            f"{option}={value!r} is unknown{near_miss(str(value), known)}; it can be: {', '.join(known)}"
+        )
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """A method whose unknown options, and errors of what it calls, are an ImuscopeError."""
+    own = inspect.signature(function).parameters
+    takes_others = any(one.kind is one.VAR_KEYWORD for one in own.values())
+
+    @functools.wraps(function)
+    def call(*args: P.args, **options: P.kwargs) -> R:
+        for name in () if takes_others else options:
+            if name not in own:
+                near = near_miss(name, [*own][1:])
+                raise ImuscopeError(f"{function.__name__} has no option {name!r}{near}.")
+        try:
+            return function(*args, **options)
+        except ExplainedError as error:
+            raise ImuscopeError(error.text) from None
+
+    return call
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +142,14 @@ class Signal:
         units = ", ".join(dict.fromkeys(filter(None, self.units)))
         return f"<Signal {self.title!r} of {self.device.name}: {len(self)} × {len(self.columns)} {units}".rstrip() + ">"
 
+    def _repr_html_(self) -> str:
+        """Its first and last samples, for notebooks."""
+        ends = [*range(len(self))] if len(self) <= 6 else [0, 1, 2, len(self) - 3, len(self) - 2, len(self) - 1]
+        heads = [f"{name} ({unit})" if unit else name for name, unit in zip(self.columns, self.units, strict=True)]
+        columns = [self.time_ns.astype("datetime64[ns]"), *(self.column(k) for k in range(len(self.columns)))]
+        rows = [[str(ends_at), *(str(column[ends_at]) for column in columns)] for ends_at in ends]
+        return html_table(f"{self!r} {self.frame}".strip(), ("", "time (UTC)", *heads), rows)
+
     @functools.cached_property
     def time_ns(self) -> Ints:
         """(n,) unix ns: the device's clock, mapped to the host's; the arrival where a message has no device time."""
@@ -155,6 +206,22 @@ class Signal:
         values: Floats = np.asarray(self.values, np.float64) * (factors[0] if len(factors) == 1 else np.array(factors))
         return values
 
+    def scales(self, units: Units) -> list[tuple[str, float]]:
+        """Of each column its unit, and the factor by which the stored values are in it.
+
+        "SI" gives rad/s, rad, m/s², T and Pa; °C and units of their own stay.
+        """
+        from imuscope.server.extensions.analysis.signals.units import Unit
+
+        choice("units", units, ("shown", "SI"))
+        own = [Unit.parse(text) for text in self.units]
+        if units == "shown":
+            return [(text, 1.0) for text in self.units]
+        return [
+            (text, 1.0) if unit.factor == 1 else (str(Unit(tuple(unit.dimensions.items()))), unit.factor)
+            for text, unit in zip(self.units, own, strict=True)
+        ]
+
     def column(self, name: str | int) -> NDArray[Any]:
         """(n,) one column, by its name or number.
 
@@ -203,40 +270,60 @@ class Signal:
         edges = [0, *sorted({cut for cut in cuts if 0 < cut < len(self)}), len(self)]
         return [self._part(self.start + a, self.start + b) for a, b in pairwise(edges) if b > a]
 
-    def to_arrow(self) -> pyarrow.Table:
+    @checked
+    def to_arrow(self, *, units: Units = "shown") -> pyarrow.Table:
         """A table with `time`, `arrival` (moments to the ns, UTC) and a column for each of this signal's; units and
         frame in its metadata.
 
         >>> gyr.to_arrow().column_names
         ['time', 'arrival', 'x', 'y', 'z']
+
+        Args:
+            units: "shown": as stored, those of the page; "SI": converted, in 64 bits.
         """
         import pyarrow as pa
 
         moment = pa.timestamp("ns", "UTC")
-        arrays = [pa.array(clock, moment) for clock in (self.time_ns, self.arrival_ns)]
-        arrays += [pa.array(self.column(k)) for k in range(len(self.columns))]
-        units = ("", "", *self.units)
-        names = ("time", "arrival", *_distinct(self.columns))
-        fields = [
-            pa.field(name, array.type, metadata={"unit": unit} if unit else None)
-            for name, array, unit in zip(names, arrays, units, strict=True)
+        columns, by_unit = self._columns(units)
+        arrays = [
+            *(pa.array(clock, moment) for clock in (self.time_ns, self.arrival_ns)),
+            *map(pa.array, columns.values()),
         ]
-        about = {"name": self.name, "title": self.title, "device": self.device.name, "frame": self.frame}
-        schema = pa.schema(fields, metadata={key: value for key, value in about.items() if value})
-        return pa.table(arrays, schema=schema)
+        fields = [
+            pa.field(name, array.type, metadata={"unit": unit} if (unit := by_unit.get(name)) else None)
+            for name, array in zip(("time", "arrival", *columns), arrays, strict=True)
+        ]
+        return pa.table(arrays, schema=pa.schema(fields, metadata=self._about))
 
-    def to_pandas(self) -> pandas.DataFrame:
-        """The table in pandas, with the time as its index, UTC."""
-        _pandas()
-        return self.to_arrow().to_pandas().set_index("time")
+    @checked
+    def to_pandas(self, *, units: Units = "shown") -> pandas.DataFrame:
+        """The table in pandas, with the time as its index, UTC; units by column in its `attrs`."""
+        package("pandas")
+        frame = self.to_arrow(units=units).to_pandas().set_index("time")
+        frame.attrs["units"] = self._columns(units)[1]
+        return frame
 
-    def to_polars(self) -> polars.DataFrame:
+    @checked
+    def to_polars(self, *, units: Units = "shown") -> polars.DataFrame:
         """The table in Polars."""
-        try:
-            import polars
-        except ImportError:
-            raise ImuscopeError("Polars is not installed: pip install polars.") from None
-        return polars.DataFrame(self.to_arrow())
+        frame: polars.DataFrame = package("polars", "Polars").DataFrame(self.to_arrow(units=units))
+        return frame
+
+    @checked
+    def to_xarray(self, *, units: Units = "shown") -> xarray.Dataset:
+        """A variable for each column over `time` (UTC), with its unit; frame and names in the attributes."""
+        return dataset(self.time_ns, *self._columns(units), self._about)
+
+    @property
+    def _about(self) -> dict[str, str]:
+        about = {"name": self.name, "title": self.title, "device": self.device.name, "frame": self.frame}
+        return {key: value for key, value in about.items() if value}
+
+    def _columns(self, units: Units) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+        """Columns and their units, by names that differ."""
+        scales, names = self.scales(units), distinct(self.columns)
+        columns = {name: scaled(self.column(k), scales[k][1]) for k, name in enumerate(names)}
+        return columns, dict(zip(names, (unit for unit, _ in scales), strict=True))
 
     def _part(self, start: int, stop: int) -> Signal:
         return replace(self, start=start, stop=max(start, stop))
@@ -280,7 +367,12 @@ def _unix_of(moment: Moment, origin: float) -> float:
     raise ImuscopeError(f"{moment!r} is no moment: give seconds from the beginning, or a datetime.")
 
 
-def _distinct(names: Sequence[str]) -> list[str]:
+def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
+    """The values in another unit: in 64 bits, or as they are."""
+    return values if factor == 1 else values.astype(np.float64) * factor
+
+
+def distinct(names: Sequence[str]) -> list[str]:
     """The names, numbered where two are the same."""
     result: list[str] = []
     for name in names:
@@ -289,9 +381,32 @@ def _distinct(names: Sequence[str]) -> list[str]:
     return result
 
 
-def _pandas() -> Any:
+def package(name: str, title: str = "") -> Any:
+    """A package that not everyone has.
+
+    Raises:
+        ImuscopeError: it is not installed.
+    """
     try:
-        import pandas
+        return importlib.import_module(name)
     except ImportError:
-        raise ImuscopeError("pandas is not installed: pip install pandas.") from None
-    return pandas
+        raise ImuscopeError(f"{title or name} is not installed: pip install {name}.") from None
+
+
+def dataset(
+    time_ns: Ints, columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], about: Mapping[str, str]
+) -> xarray.Dataset:
+    """Columns over `time` in xarray, each with its unit."""
+    made: xarray.Dataset = package("xarray").Dataset(
+        {name: ("time", values, {"units": units[name]} if units[name] else {}) for name, values in columns.items()},
+        {"time": time_ns.astype("datetime64[ns]")},
+        about,
+    )
+    return made
+
+
+def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table for notebooks."""
+    cells = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    head = "".join(f"<th>{html.escape(one)}</th>" for one in heads)
+    return f"<p>{html.escape(caption)}</p><table><thead><tr>{head}</tr></thead><tbody>{cells}</tbody></table>"

@@ -92,7 +92,8 @@ def _made_from() -> Iterator[Path]:
 
 def _modules() -> Iterator[Path]:
     """Modules whose docstrings are shown."""
-    yield from (ROOT / "imuscope" / name for name in ("recording.py", "signals.py", "live.py"))
+    yield from (ROOT / "imuscope" / name for name in ("recording.py", "signals.py", "results.py", "live.py"))
+    yield ROOT / "imuscope" / "server" / "extensions" / "clocks" / "figures.py"
     for name, module in public_names().items():
         places = ROOT / module.replace(".", "/"), ROOT / f"{module}.{name}".replace(".", "/")
         yield from {path for place in places if (path := place.with_suffix(".py")).is_file()}

@@ -170,6 +170,109 @@ def test_a_range_is_given_by_moments_too(drive: Path) -> None:
         assert len(rate.between(naive, naive + np.timedelta64(1, "D"))) == len(expected)
 
 
+def table_of(path: Path, time: Any, **columns: Any) -> Path:
+    """A table of these columns, at 2017 and `time` s."""
+    heads = ["time (s)", *(name.replace("__", " (").replace("_per_", "/") + ")" for name in columns)]
+    rows = zip(1.5e9 + time, *columns.values(), strict=True)
+    path.write_text("\n".join([",".join(heads), *(",".join(f"{cell:.9f}" for cell in row) for row in rows)]) + "\n")
+    return path
+
+
+def test_signals_of_different_rates_stand_in_one_frame(tmp_path: Path) -> None:
+    """Nearest within half a step; interpolated linearly, never across a gap."""
+    fast, slow = np.arange(1000) / 100, np.arange(100) / 10
+    slow = slow[(slow < 3.05) | (slow > 4.95)]
+    a = table_of(tmp_path / "a.csv", fast, gyr_x__rad_per_s=np.sin(fast))
+    b = table_of(tmp_path / "b.csv", slow, acc_x__m_per_s=3 * slow)
+    with imuscope.open(a) as one, imuscope.open(b) as other:
+        gyr, acc = one.signals[0], other.signals[0]
+        times, values = acc.time - 1.5e9, acc.values
+        grid = gyr.time - 1.5e9
+        nearest = one.to_pandas([gyr, acc])
+        assert nearest.columns.tolist() == ["gyr_x", "acc_x"]
+        np.testing.assert_array_equal(nearest.index.asi8, gyr.time_ns)
+        np.testing.assert_array_equal(nearest["gyr_x"], gyr.values)
+        distance = np.abs(grid[:, np.newaxis] - times)
+        within = distance.min(1) < 0.0499
+        np.testing.assert_allclose(nearest["acc_x"][within], values[distance.argmin(1)][within])
+        assert nearest["acc_x"][distance.min(1) > 0.051].isna().all()
+        linear = one.to_pandas([gyr, acc], align="interpolate")["acc_x"].to_numpy()
+        hole = (grid > 3.001) & (grid < 4.999)
+        assert np.isnan(linear[hole]).all()
+        inside = ~hole & (grid <= times[-1])
+        np.testing.assert_allclose(linear[inside], np.interp(grid[inside], times, values), atol=1e-6)
+        even = one.to_pandas([gyr, acc], rate=50, align="interpolate", units="SI")
+        assert set(np.diff(even.index.asi8).tolist()) == {20_000_000}
+        assert even.attrs["units"] == {"gyr_x": "rad/s", "acc_x": "m/s"}
+
+
+def test_nothing_is_interpolated_across_a_step_of_the_clock(table: Path) -> None:
+    with imuscope.open(table) as recording:
+        frame = recording.to_pandas("gyr_x", rate=1000, align="interpolate")["gyr_x"]
+        before, after = (part.time_ns for part in recording["gyr_x"].segments())
+        between = (frame.index.asi8 > before[-1]) & (frame.index.asi8 < after[0])
+        assert between.any()
+        np.testing.assert_array_equal(frame.isna(), between)
+
+
+def test_angles_and_attitudes_are_interpolated_on_their_circle(drive: Path) -> None:
+    with imuscope.open(drive) as recording:
+        names = ["Quaternion", "EulerAngles.yaw", "StatusWord", "RateOfTurn.x"]
+        frame = recording.to_pandas(names, align="interpolate", rate=333)
+        assert frame.columns.tolist() == [*(f"Quaternion.{one}" for one in "wxyz"), *names[1:]]
+        norm = np.linalg.norm(frame[[f"Quaternion.{one}" for one in "wxyz"]].to_numpy(), axis=1)
+        np.testing.assert_allclose(norm[np.isfinite(norm)], 1, atol=1e-6)
+        status = set(np.unique(recording["StatusWord"].values).tolist())
+        assert set(frame["StatusWord"].dropna().unique().tolist()) <= status, "flags are those of a sample"
+        component = recording.to_pandas("Quaternion.x", align="interpolate", rate=333)["Quaternion.x"]
+        np.testing.assert_array_equal(component, frame["Quaternion.x"])
+
+
+def test_units_are_a_choice(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with imuscope.open(drive) as recording:
+        rate = recording["RateOfTurn"]
+        shown, si = rate.to_pandas(), rate.to_pandas(units="SI")
+        assert shown.attrs["units"]["x"] == "°/s"
+        assert si.attrs["units"]["x"] == "rad/s"
+        np.testing.assert_allclose(si["y"], np.radians(rate.values[:, 1].astype(float)), rtol=1e-15)
+        assert rate.to_arrow(units="SI").schema.field("z").metadata == {b"unit": b"rad/s"}
+        dataset = recording.to_xarray(["RateOfTurn", "Temperature"], units="SI")
+        assert dataset["RateOfTurn.x"].attrs["units"] == "rad/s"
+        assert dataset["Temperature"].attrs["units"] == "°C"
+        np.testing.assert_array_equal(dataset["time"].to_numpy().astype(np.int64), rate.time_ns)
+        np.testing.assert_array_equal(rate.to_xarray()["z"], rate.values[:, 2])
+        assert "<th>y (°/s)</th>" in rate._repr_html_()
+        monkeypatch.setitem(sys.modules, "xarray", None)
+        with pytest.raises(imuscope.ImuscopeError, match=r"xarray is not installed: pip install xarray\.$"):
+            recording.to_xarray()
+
+
+def test_calibrations_comparisons_and_clocks_are_those_of_the_command_line(tmp_path: Path) -> None:
+    random, time = np.random.default_rng(7), np.arange(4000) / 100
+    bias = np.array([0.01, -0.02, 0.03])
+    noise = random.normal(0, 1e-3, (3, len(time)))
+    gyr = {f"gyr_{axis}__rad_per_s": one + offset for axis, one, offset in zip("xyz", noise, bias, strict=True)}
+    still = table_of(tmp_path / "still.csv", time, **gyr)
+    data = ("--data", str(tmp_path / "data"))
+    with imuscope.open(still) as recording:
+        made = recording.calibrate("gyroscope")
+        printed = json.loads(run_command("calibrate", str(still), "gyroscope", "--format", "json", *data).stdout)
+        assert made.bias.tolist() == pytest.approx(printed["correction"]["bias"])
+        assert np.radians(made.bias) == pytest.approx(bias, abs=1e-4)
+        assert made.apply(recording["gyr"]).mean(0) == pytest.approx(np.zeros(3), abs=0.01)
+        assert [*made.figures] == [one["name"] for one in printed["figures"]]
+        [clocks] = recording.time()
+        printed = json.loads(run_command("time", str(still), "--json", *data).stdout)
+        assert clocks.clocks[0].rate_hz == printed["messages"][0]["clocks"][0]["rate_hz"] == pytest.approx(100)
+        walk = random.normal(0, 1, len(time)).cumsum()
+        first = table_of(tmp_path / "first.csv", time, u__m=walk)
+        second = table_of(tmp_path / "second.csv", time + 0.5, u__m=walk + 2)
+        with imuscope.open(first) as a, imuscope.open(second) as b:
+            compared = a.compare(b, "u", align="correlation")
+            assert compared.offset_s == pytest.approx(-0.5, abs=1e-3)
+            assert compared.signals[0].figures["mean"] == pytest.approx(2, abs=1e-3)
+
+
 def test_mistakes_are_one_sentence(drive: Path, table: Path, tmp_path: Path) -> None:
     with imuscope.open(drive) as recording:
         for use, words in (
@@ -186,6 +289,17 @@ def test_mistakes_are_one_sentence(drive: Path, table: Path, tmp_path: Path) -> 
             (lambda: imuscope.connect(8080), "8080 is not the address of a server"),  # type: ignore[arg-type]
             (lambda: recording["RateOfTurn"].column("w"), "no column 'w'; it has: x, y, z"),
             (lambda: recording.analyse("guess"), "guess"),
+            (lambda: recording.to_pandas(aling="nearest"), r"no option 'aling' \(did you mean 'align'\?\)"),  # type: ignore[call-arg]
+            (lambda: recording.to_pandas(align="neerest"), r"did you mean 'nearest'\?"),  # type: ignore[arg-type]
+            (lambda: recording.to_pandas(units="si"), r"did you mean 'SI'\?"),  # type: ignore[arg-type]
+            (lambda: recording.to_pandas(rate=-1), "rate=-1 is no rate"),
+            (lambda: recording.to_pandas(rate=1e9), "which are too many; choose a lower one"),
+            (lambda: recording.calibrate("gyro"), r"did you mean 'gyroscope'\?"),  # type: ignore[arg-type]
+            (lambda: recording.calibrate("gyroscope", devise="1"), r"did you mean 'device'\?"),  # type: ignore[call-arg]
+            (lambda: recording.calibrate("accelerometer", gravity=30), "gravity 30 is outside 0 … 20"),
+            (lambda: recording.calibrate("gyroscope"), "The longest rest is"),
+            (lambda: recording.compare(recording), "needs the names of signals"),
+            (lambda: recording.compare(recording, "Speed"), "Speed"),
             (lambda: recording.analyse("psd", "Speed"), "Speed"),
             (lambda: recording.export(tmp_path / "x.abc"), "not a valid format"),
             (lambda: recording.export(tmp_path / "none" / "x.csv"), "folder not found"),

@@ -94,7 +94,7 @@ def _of_one_device(store: ColumnStore, name: str, device: str) -> list[ChannelIn
     if device and device not in devices:
         raise DomainError("not-found", f"{name} has no device {device:.40}.", f"It has: {listed}.")
     if not device and len(devices) > 1:
-        raise DomainError("which-device", f"{name} has several devices.", f"Name one with --device: {listed}.")
+        raise DomainError("which-device", f"{name} has several devices.", f"Name one as the device: {listed}.")
     if not devices:
         raise DomainError("not-found", f"{name} has no samples of a device.", "Give another file.")
     return [info for info in infos if info.device == (device or devices[0])]

@@ -39,9 +39,6 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
 
 def run(options: argparse.Namespace) -> None:
     file, decode_options = file_to_decode(options)
-    for name, most in (("field", 1e6), ("gravity", 20.0)):
-        if not 0 <= getattr(options, name) <= most:
-            raise UsageError(f"--{name} {getattr(options, name):g} is outside 0 … {most:g}")
     from imuscope.server.commands.decode import time_range_of
     from imuscope.server.commands.decoded import decoded
     from imuscope.server.extensions.calibration.calibrate import calibrated, format_of, text_of

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from imuscope.server.errors import DomainError
+from imuscope.server.errors import DomainError, UsageError
 from imuscope.server.extensions.analysis.noise.sample_quality import stuck_or_clipped
 from imuscope.server.extensions.analysis.signals.triads import NO_SAMPLES, Samples, Triad, sensors_in, temperature_in
 from imuscope.server.extensions.calibration.accelerometer import six_positions
@@ -56,6 +56,11 @@ class CalibrationOptions:
     gravity: float = 0.0
     square: bool = False
     vertical: VerticalAxis = "up"
+
+    def __post_init__(self) -> None:
+        for name, most in (("field", 1e6), ("gravity", 20.0)):
+            if not 0 <= getattr(self, name) <= most:
+                raise UsageError(f"{name} {getattr(self, name):g} is outside 0 … {most:g}")
 
 
 Evaluate = Callable[[Mapping[str, Samples], Mapping[str, Triad], CalibrationOptions], CalibrationReport]

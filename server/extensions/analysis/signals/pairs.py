@@ -104,15 +104,15 @@ def _at(signal: Signal, time: Floats, how: Pairing) -> Floats:
     else:
         values = signal.values[before] + np.clip(share, 0, 1) * change
         if signal.period:
-            values = _around(values, signal.period, signal.values)
+            values = on_circle(values, signal.period, signal.values)
     beyond = np.maximum(own[0] - time, time - own[-1]) > (usual / 2 if how == "nearest" else 0)
     bridged = np.isin(after, gaps_in(own)) & (share > 0) & (share < 1)
     return np.where(beyond | bridged, np.nan, values)
 
 
-def _around(values: Floats, period: float, own: Floats) -> Floats:
+def on_circle(values: Floats, period: float, own: Floats) -> Floats:
     """Values on the circle that the signal uses: 0 to its period, or half of it to either side."""
-    low = 0.0 if float(own.min()) >= 0 and float(own.max()) > period / 2 else -period / 2
+    low = 0.0 if own.min(initial=0.0) >= 0 and own.max(initial=0.0) > period / 2 else -period / 2
     return (values - low) % period + low
 
 

@@ -126,7 +126,7 @@ def test_a_calibration_that_is_not_determined_gives_the_reason(
     assert "sends no data of its magnetometer" in refused(capsys, "calibrate", file, "magnetometer")
     assert "rest.bin lasts" in refused(capsys, "calibrate", file, "gyroscope", "--from", "99")
     assert "selects no format" in refused(capsys, "calibrate", file, "gyroscope", "-o", tmp_path / "a.txt")
-    assert "--gravity 30 is outside 0 … 20" in refused(capsys, "calibrate", file, "accelerometer", "--gravity", "30")
+    assert "gravity 30 is outside 0 … 20" in refused(capsys, "calibrate", file, "accelerometer", "--gravity", "30")
     with pytest.raises(SystemExit):
         main(["calibrate", str(file), "barometer"])
     assert "valid choices: gyroscope, magnetometer, accelerometer, mounting" in capsys.readouterr().err
