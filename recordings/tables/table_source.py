@@ -87,11 +87,13 @@ class TableSource:
 
     Attributes:
         axis: the clock behind the times; None if the format says it.
+        is_export: whether this program wrote the file: an empty row of a quantity is none of its samples.
         members: the tables of an archive.
     """
 
     timed = True
     axis: TimeAxis | None = None
+    is_export: bool = False
     members: Sequence["TableSource"] = ()
 
     def __init__(self, path: Path, format_name: str) -> None:
@@ -160,7 +162,7 @@ class CsvSource(TableSource):
         cells = (cells_of(self.form.sample, i) for i in range(len(self.headings)))
         self._hexadecimal = {i for i, some in enumerate(cells) if are_hexadecimal(some)}
         self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
-        self._is_export = {
+        self.is_export = {
             "time",
             "arrival",
         } <= by_name.keys()  # rows may share a time, or have none
@@ -302,7 +304,7 @@ class CsvSource(TableSource):
             hint = "Name its times: --time-column, or --rate for a table without any."
             raise RecordingError(f"{self.path.name}: {axis.name} cannot be read, first {first_odd!r:.80}.", hint)
         different = 1 if watch.is_constant else watch.rows - watch.repeats
-        if not self._is_export and (watch.is_constant or (watch.rows >= FEWEST_ROWS and different <= MOST_TIMES)):
+        if not self.is_export and (watch.is_constant or (watch.rows >= FEWEST_ROWS and different <= MOST_TIMES)):
             raise few_times(self.path.name, axis.name, different, watch.rows)
         return watch
 
@@ -358,7 +360,7 @@ class CsvSource(TableSource):
         if self.arrival_column is not None:
             arrival = self._arrivals(batch.column(self.arrival_column), axis)
             arrival = np.where(np.isnan(arrival), time, arrival)
-        known = np.isfinite(arrival) if self._is_export else has_time
+        known = np.isfinite(arrival) if self.is_export else has_time
         is_filled = np.zeros(np.count_nonzero(~known), np.bool_)
         columns: dict[str, tuple[Floats, str]] = {}
         for i, (name, heading) in enumerate(zip(self.names, self.headings, strict=True)):

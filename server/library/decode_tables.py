@@ -34,10 +34,12 @@ class _Tables:
 
     Args:
         texts: the columns that have nothing but texts so far.
+        is_export: whether rows in which a quantity is empty are none of its samples (TableSource).
     """
 
-    def __init__(self, writer: ColumnStoreWriter, texts: Callable[[], Collection[str]]) -> None:
+    def __init__(self, writer: ColumnStoreWriter, texts: Callable[[], Collection[str]], *, is_export: bool) -> None:
         self._texts = texts
+        self._is_export = is_export
         self.infos: list[wire.ChannelInfo] = []
         self.counts: dict[str, int] = {}
         self.first, self.last = np.inf, -np.inf
@@ -59,7 +61,9 @@ class _Tables:
         place = np.arange(before, before + len(rows.time))
         for number, headings in plan:
             columns = [rows.columns[name][0] for name in headings]
-            self._writer.append(number, [rows.arrival, rows.time, *columns], place)
+            there: Any = ~np.isnan(columns).all(axis=0) if self._is_export else slice(None)
+            every = [rows.arrival[there], rows.time[there], *(column[there] for column in columns)]
+            self._writer.append(number, every, place[there])
             if number not in self._filled and any(np.isfinite(column).any() for column in columns):
                 self._filled.add(number)
             if number in self._whole and not all(map(_are_whole, columns)):
@@ -136,7 +140,7 @@ def decode_tables(
     Raises:
         RecordingError: the tables contain no numbers.
     """
-    tables = _Tables(writer, source.texts)
+    tables = _Tables(writer, source.texts, is_export=source.is_export)
     last = source.last()
     for rows in source.rows():
         tables.add(rows)

@@ -39,6 +39,7 @@ STAMPS = (
 COUNTS = "counts of"
 LATEST_UNIX_S = 4e9  # unix s
 FINE = {"100 µs": 1e-4}
+STATED = {"0.1 ms": "100 µs"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +124,7 @@ def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str,
     described = store.manifest.get("time") or {}
     table: Mapping[str, Any] = described if "axis" in described else {}
     uses = table.get("options", {})
-    own = _columns(store, device, message, infos, len(axis), table)
+    own, units = _columns(store, device, message, infos, len(axis), table)
     if table:
         raw = own.pop(table["axis"], None)
         factor = {**UNITS, **FINE}.get(table["unit"], 0.0) if raw is not None else 0.0
@@ -134,7 +135,7 @@ def _clocks(store: ColumnStore, device: str, message: str, infos: list[dict[str,
     else:
         yield from _of_device(store, time, arrival, own)
     error = 0.0 if table else _axis_error_ppm(store, device, axis)
-    units = table.get("units", {})
+    units |= table.get("units", {})
     for name, values in own.items():
         factor = {**UNITS, **FINE}.get(units.get(name, ""), 0.0)
         factor, unit = (factor, units[name]) if factor else _unit_of(values, axis)
@@ -188,9 +189,11 @@ def _axis_error_ppm(store: ColumnStore, device: str, axis: Floats) -> float:
 
 def _columns(
     store: ColumnStore, device: str, message: str, infos: list[dict[str, Any]], n: int, table: Mapping[str, Any]
-) -> dict[str, Floats]:
+) -> tuple[dict[str, Floats], dict[str, str]]:
+    """Values of clocks by name, and the units that the protocol states."""
     names = {*STAMPS, DEVICE_TIME, *table.get("others", ()), table.get("axis", "")}
     columns: dict[str, Floats] = {}
+    units: dict[str, str] = {}
     beside = [one for one in store.manifest.get("clocks", ()) if (one["device"], one["message"]) == (device, message)]
     for info in [*beside, *infos]:
         if store.rows(info["id"]) < n:
@@ -202,7 +205,9 @@ def _columns(
             if name in names:
                 [values] = store.exact(info["id"], 0, n, columns=[at]).columns
                 columns.setdefault(name, values.astype(np.float64))
-    return columns
+                if not table and (unit := STATED.get(column["unit"], column["unit"])):
+                    units.setdefault(name, unit)
+    return columns, units
 
 
 def _unit_of(values: Floats, axis: Floats) -> tuple[float, str]:

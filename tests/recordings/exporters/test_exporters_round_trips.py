@@ -88,8 +88,8 @@ ROS: Mapping[str, Mapping[str, tuple[str, Any]]] = {  # signal → name in a bag
         "Quaternion": ("imu/data.orientation", 1),
     },
     "messages": {
-        "/imu/data.angular_velocity": ("imu/data_raw.angular_velocity", 1),
-        "/imu/data.linear_acceleration": ("imu/data_raw.linear_acceleration", 1),
+        "/imu/data.angular_velocity": ("data.angular_velocity", 1),
+        "/imu/data.linear_acceleration": ("data.linear_acceleration", 1),
     },
 }
 
@@ -407,3 +407,14 @@ def test_the_guide_states_which_format_holds_what() -> None:
     lines += [f"| {' | '.join((titles[name], *cells))} |" for name, cells in HELD.items() if name in FORMATS]
     text = GUIDE.read_text(encoding="utf-8")
     assert [line for line in lines if line not in text] == [], "\n".join(["docs/guide/recordings.md needs:", *lines])
+
+
+@each_row("export_format", ["csv", "parquet"])
+def test_a_quantity_that_is_sent_less_often_has_its_own_rows_again(
+    export_format: str, opened: Mapping[str, imuscope.Recording], tmp_path: Path
+) -> None:
+    """Regression: it had those of the most frequent one, nearly all NaN, so its rate and length were others."""
+    counts = {one.name: len(one) for one in opened["xbus"].signals}
+    assert counts["Temperature"] < counts["BaroPressure"] < counts["Acceleration"]
+    with opened_again(export_format, opened["xbus"], tmp_path) as again:
+        assert {one.name: len(one) for one in again.signals} == counts

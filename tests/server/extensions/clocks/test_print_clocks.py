@@ -13,6 +13,7 @@ from imuscope.server.extensions.clocks import figures
 from imuscope.server.extensions.clocks.print_clocks import print_clocks
 from tests.recordings.tables.text_tables import EPOCH, N, read, table
 from tests.support.each_row import each_row
+from tests.support.truth_frames import even_ticks, opened, xbus_stream
 
 STEPS = np.arange(N) / 100
 
@@ -125,3 +126,11 @@ def test_the_unit_of_a_clock_is_found_beside_steps_of_the_axis() -> None:
     axis[150:] += 0.15
     assert figures._unit_of(ticks, axis) == (1e-4, "100 µs")
     assert figures._unit_of(ticks, axis * 1.3)[1].startswith("counts of")
+
+
+def test_the_unit_of_a_clock_is_that_which_its_protocol_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: a pause in the first second of a live source bent the axis, and "counts of 5e-05 s" stayed."""
+    monkeypatch.setattr(figures, "_unit_of", lambda values, axis: (5e-5, "counts of 5e-05 s"))
+    with opened(tmp_path / "a.bin", xbus_stream(range(500), even_ticks(500))) as recording:
+        [message] = figures.clocks_of(recording._store)
+    assert {clock.name: clock.unit for clock in message.clocks}["SampleTimeFine"] == "100 µs"
