@@ -7,6 +7,7 @@ the notes and the markers do is tested without a browser, in web/src/pages/recor
 
 import csv
 import io
+import re
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -179,7 +180,10 @@ def see_a_loss_at_every_zoom(recorded: ServerProcess, page: Page) -> None:
 
 
 def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
-    """Regression: Δ was "—" more than a second from the cursor, and mean and σ where the window was summarised."""
+    """Regression: Δ was "—" more than a second from the cursor, and mean and σ where the window was summarised.
+
+    They are of what lies between the cursors.
+    """
     first, last = page.evaluate("[window.imuscopeReplay.bounds.first, window.imuscopeReplay.bounds.last]")
     a, b = first + 0.2 * (last - first), first + 0.8 * (last - first)
     box = page.locator(".plot canvas").first.bounding_box()
@@ -197,7 +201,10 @@ def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
     columns = recorded.request("GET", f"/api/recordings/{info['id']}/query?channel={channel['id']}&format=json")[
         "columns"
     ]
-    x, z = (sum(columns[axis]) / len(columns[axis]) for axis in "xz")
+    until(page, "/cursor=.*measure=/.test(location.href)")
+    a, b = (float(re.search(rf"{word}=([0-9.]+)", page.url)[1]) for word in ("cursor", "measure"))  # type: ignore[index]
+    inside = [row for row, t in enumerate(columns["time"]) if min(a, b) <= t <= max(a, b)]
+    x, z = (sum(columns[axis][row] for row in inside) / len(inside) for axis in "xz")
     shown = [float(text.replace("−", "-")) for text in page.evaluate(mean)]
     assert shown[1] == pytest.approx(x, abs=0.01)
     assert shown[7] == pytest.approx(z, abs=0.01)

@@ -24,6 +24,8 @@ const STORED: AlarmDefinition = {
 };
 const DEVICE = { id: "1", serial_number: "0080A1B2", source: "sim:xbus", name: "MTi-630" } as DeviceInfo;
 
+const valid = { valid: true, message: "", hint: "", begin: null, end: null, devices: ["MTi-630"], notes: [] };
+
 test("a stored alarm comes out of the form as it went in, with what the form does not show", () => {
   expect(definitionOf(fieldsOf({ id: "a", definition: STORED }, DEVICE), STORED)).toEqual(STORED);
   const flag: AlarmDefinition = { ...STORED, condition: { kind: "flag", signal: "S", flag: "F", is_set: false } };
@@ -41,7 +43,7 @@ test("a new alarm is for the device by its serial number, and named by its condi
 });
 
 test("an alarm records when that is chosen, and no longer when it is not", async () => {
-  const asked = answering({ "POST /api/alarms/check": {}, "POST /api/alarms": {}, "GET /api/alarms": [] });
+  const asked = answering({ "POST /api/alarms/check": valid, "POST /api/alarms": {}, "GET /api/alarms": [] });
   render(<AlarmDialog app={newApp()} onClose={vi.fn()} />);
   const condition = screen.getByLabelText<HTMLInputElement>("Condition");
   fireEvent.input(condition, { target: { value: "Temperature > 60 °C" } });
@@ -61,7 +63,7 @@ test("an alarm records when that is chosen, and no longer when it is not", async
 });
 
 test("an alarm that is saved by a double click is added once", async () => {
-  const asked = answering({ "POST /api/alarms/check": {}, "POST /api/alarms": {}, "GET /api/alarms": [] });
+  const asked = answering({ "POST /api/alarms/check": valid, "POST /api/alarms": {}, "GET /api/alarms": [] });
   const close = vi.fn();
   render(<AlarmDialog app={newApp()} onClose={close} />);
   const condition = screen.getByLabelText<HTMLInputElement>("Condition");
@@ -85,7 +87,6 @@ test("a mistake is marked where it is", () => {
 });
 
 test("a new alarm is checked while it is typed, and added", async () => {
-  const valid = { valid: true, message: "", hint: "", begin: null, end: null, devices: ["MTi-630"], notes: [] };
   const asked = answering({
     "POST /api/alarms/check": valid,
     "POST /api/alarms": {},
@@ -118,7 +119,7 @@ test("what is worth knowing about a condition stands below it", async () => {
 });
 
 test("an alarm is deleted by a second press", async () => {
-  const asked = answering({ "POST /api/alarms/check": {}, "DELETE /api/alarms/a": null, "GET /api/alarms": [] });
+  const asked = answering({ "POST /api/alarms/check": valid, "DELETE /api/alarms/a": null, "GET /api/alarms": [] });
   const app = newApp();
   app.subject.value = { id: "a", definition: STORED };
   const close = vi.fn();
@@ -131,7 +132,6 @@ test("an alarm is deleted by a second press", async () => {
 });
 
 test("only a condition that was checked is judged over the past", async () => {
-  const valid = { valid: true, message: "", hint: "", begin: null, end: null, devices: ["MTi-630"], notes: [] };
   const preview = { times: 0, t0: 0, t1: 600, worst: null, unit: "", seconds: 0, intervals: [] };
   const asked = answering({ "POST /api/alarms/check": valid, "POST /api/alarms/preview": preview });
   const app = newApp();

@@ -123,6 +123,7 @@ def test_names_of_columns_are_plain_and_differ(recording: Path, tmp_path: Path) 
 
 
 def test_a_signal_that_is_not_there_has_no_rows(commands: Commands, recording: Path, store: Path) -> None:
+    store.mkdir()
     for sql in ("SELECT * FROM samples('None.x')", "SELECT * FROM samples", "SELECT * FROM samples_wide"):
         assert commands.query(store, sql) == []
     commands.uploaded(recording, store)
@@ -140,6 +141,7 @@ def test_a_signal_that_is_not_there_has_no_rows(commands: Commands, recording: P
 
 @each_row("name", QUESTIONS)
 def test_a_prepared_question_is_answered_by_an_empty_store_too(name: str, commands: Commands, store: Path) -> None:
+    store.mkdir(exist_ok=True)
     status, out, err = commands.run("query", "--store", store, "--question", name, "--format", "json")
     assert (status, out, err) == (0, "[]\n", "")
     status, out, _ = commands.run("query", "--store", store, "--question", name, "--show")
