@@ -97,14 +97,18 @@ def host_times(
         host[i] = host_origin + int(h)
 
 
+@inlined
+def float_second(time_ns: int) -> float:
+    """Seconds of a time in ns, the nearest float."""
+    whole = time_ns // 1_000_000_000
+    return float(whole) + float(time_ns - whole * 1_000_000_000) / 1e9
+
+
 @compiled(NOTHING, INTS, FLOAT, FLOATS)
 def float_seconds(times_ns: Ints, none: float, out: Floats) -> None:
     """Seconds of times in ns, each the nearest float; `none` in place of NO_TIME."""
     for i in range(len(times_ns)):
-        whole = times_ns[i] // 1_000_000_000
-        out[i] = float(whole) + float(times_ns[i] - whole * 1_000_000_000) / 1e9
-        if times_ns[i] == NO_TIME:
-            out[i] = none
+        out[i] = none if times_ns[i] == NO_TIME else float_second(times_ns[i])
 
 
 @compiled(FLAG, INTS)

@@ -4,6 +4,7 @@ A live device has a few samples in each turn: an array for each of its columns w
 """
 
 from imuscope.protocols.arrays import Array, Ints
+from imuscope.protocols.clocks.kernels import float_second
 from imuscope.protocols.native.kernels import FLOATS, INT, INTS, READ_ROWS, TABLE, ArrayType, compiled
 
 OFFSET, SIZE, SWAP, OPERATION = range(4)  # rows of `copies`
@@ -41,8 +42,7 @@ def append_rows(
     """
     arrivals, times = (begins[0] >> 3) + at, (begins[1] >> 3) + at
     for k in range(count):
-        whole = arrival_ns[first + k] // 1_000_000_000
-        memory_f8[arrivals + k] = float(whole) + float(arrival_ns[first + k] - whole * 1_000_000_000) / 1e9
+        memory_f8[arrivals + k] = float_second(arrival_ns[first + k])
         memory_f8[times + k] = time[first + k]
     for column in range(copies.shape[1]):
         offset, size, operation = copies[OFFSET, column], copies[SIZE, column], copies[OPERATION, column]
