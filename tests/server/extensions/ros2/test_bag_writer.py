@@ -16,6 +16,7 @@ from rosbags.rosbag2 import Reader
 
 import imuscope
 from imuscope.protocols.isb.simulator.device import IsbSimulator
+from imuscope.protocols.messages.records import MessageChannel, definition, message_record
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import FORMATS, ExportError, ExportRequest, export
 from imuscope.recordings.mcap.writer import McapWriter
@@ -205,3 +206,27 @@ def test_a_range_of_a_bag_has_its_messages_alone(tmp_path: Path) -> None:
     with Reader(bag) as reader:
         assert {one.topic for one in reader.connections} == {"/imu/data"}
         assert 100 <= reader.message_count <= 101
+
+
+def test_topics_of_a_live_source_are_copied_where_their_definition_can_be_read(tmp_path: Path) -> None:
+    """The export ended with an error of the library."""
+    path, text = tmp_path / "a.mcap", b"\x00\x01\x00\x00\x03\x00\x00\x00on\x00"
+    topics = [("/good", "own/msg/Good", "float64 value"), ("/bad", "own/msg/Bad", "nope/msg/Thing x")]
+    topics.append(("/words", "std_msgs/msg/String", "string data"))
+    channels = [
+        MessageChannel(number, topic, "cdr", kind, "ros2msg", own.encode())
+        for number, (topic, kind, own) in enumerate(topics, start=1)
+    ]
+    writer = McapWriter(path, {})
+    writer.device("1", {"source": "ros2:", "link": "ros2", "protocol": "messages"})
+    for channel in channels:
+        writer.messages("1", [(definition(channel), START)])
+    for n in range(50):
+        for channel in channels:
+            data = text if channel.topic == "/words" else text[:4] + bytes(8)
+            writer.messages("1", [(message_record(channel.id, data), START + n * 10_000_000)])
+    writer.close()
+    with imuscope.open(path) as source:
+        [bag] = source.export(tmp_path / f"b{FORMATS[BAGS[0]].suffix}")
+    with Reader(bag) as reader:
+        assert {one.topic: one.msgcount for one in reader.connections} == {"/good": 50, "/words": 50}
