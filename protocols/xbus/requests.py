@@ -156,7 +156,7 @@ def is_in_config(sample_s: float = 0.0) -> Transaction[bool]:
         sample_s: time between the samples that it sent before; 0 if not known.
     """
     yield Send(frames.build(REQ_DID), "ReqDID")
-    message = yield WaitFor(_did_or_refusal, ANSWER_S, "ReqDID")
+    message = yield WaitFor(_did_or_refusal, ANSWER_S, "ReqDID", is_answer=True)
     if message == WAKE_UP:  # it is starting, and would measure
         yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
     if message != REQ_DID + 1:

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ BRIEFEST = ListeningTimes(least_s=0.1, listen_s=0.1)  # for tests that do not co
 
 PATIENT = 10.0  # times as long as the product waits for an answer: a simulator that has no processor is not silent
 
+LATE = StateTimes(config_s=2 * PATIENT)  # where an MTi answers: its first answer ends the wait
 SILENT = StateTimes(config_s=1.0, stream_s=1.0, answer_s=0.5)  # where an MTi cannot answer
 
 
@@ -77,7 +79,7 @@ async def house(
     data: Path,
     rollback_s: float = 0.5,
     listening: ListeningTimes = BRIEF,
-    times: StateTimes = StateTimes(),  # noqa: B008 (it is frozen)
+    times: StateTimes = LATE,
     **timings: Any,
 ) -> AsyncIterator[ControlHarness]:
     """A server's inside, closed as the server closes it.
@@ -113,6 +115,13 @@ async def house_of(
         if is_read:
             await here.read(desk)
         yield here, desk
+
+
+def answers_from_now_on(desk: DeviceController) -> None:
+    """Be patient with an MTi that was silent on purpose up to here."""
+    assert isinstance(desk.driver, XbusDriver)
+    desk.runner._patience = PATIENT
+    desk.driver._times = replace(desk.driver._times, config_s=LATE.config_s)
 
 
 async def over(task: RunningJob) -> Job:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import threading
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,17 @@ from imuscope.server.configuration.rollback import RollbackRecord, RollbackRun, 
 from imuscope.server.links.base import LinkError
 from imuscope.server.links.simulator import SimulatorLink, SimulatorThread
 from imuscope.server.wire import PendingRollback
-from tests.support.control_harness import PATIENT, SILENT, ControlHarness, at_rate, bench, house, house_of, over
+from tests.support.control_harness import (
+    LATE,
+    SILENT,
+    ControlHarness,
+    answers_from_now_on,
+    at_rate,
+    bench,
+    house,
+    house_of,
+    over,
+)
 from tests.support.each_row import each_row
 from tests.support.server_process import ServerProcess
 from tests.support.timeouts import PATIENCE_S, http_client
@@ -182,7 +193,7 @@ async def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path) -> None:
         assert "unreachable until its power is cycled" in job.message
         assert "Restore communication" in job.hint
         assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["unreachable"]
-        desk.runner._patience = PATIENT  # from here on it answers
+        answers_from_now_on(desk)
         restore = desk.add("Restore", here.desks.jobs.restore)
         await until(lambda: is_called(desk), "it calls for a device that gets power")
         cycle(there)
@@ -202,7 +213,7 @@ async def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: P
         await over(await faster(here, desk))
         assert desk.pending_rollback is not None
         assert desk.pending_rollback.state == "unreachable"
-        desk.runner._patience = PATIENT  # from here on it answers
+        answers_from_now_on(desk)
         restore = desk.add("Restore", here.desks.jobs.restore)
         await until(lambda: is_called(desk), "it calls for a device that gets power")
         link = desk.member.access.link
@@ -362,7 +373,7 @@ async def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_
     tmp_path: Path, state: str
 ) -> None:
     """The device still has the old rate and may be in the config state: it is found there and measures again."""
-    async with bench() as there, house(tmp_path, times=SILENT) as here:
+    async with bench() as there, house(tmp_path, times=replace(SILENT, config_s=LATE.config_s)) as here:
         there.hold_open()
         source = f"serial://{there.slave}?baud=115200"
         desk = await here.add(source)
