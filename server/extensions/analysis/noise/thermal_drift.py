@@ -7,8 +7,8 @@
 A bias that wanders by itself resembles any slow curve, so ordinary least squares would find a dependence on temperature
 where there is none. The errors are therefore white noise plus a random walk, each share of which counts by its
 likelihood, and a coefficient counts only from some times its uncertainty. The removed part is b times the smoothed
-temperature: its own noise and steps do not get into the signal. This is the usual correction before an Allan deviation (IEEE Std
-952, annex C: trends are estimated and removed, since they are not noise).
+temperature: its own noise and steps do not get into the signal. This is the usual correction before an Allan deviation
+(IEEE Std 952, annex C: trends are estimated and removed, since they are not noise).
 """
 
 import math
