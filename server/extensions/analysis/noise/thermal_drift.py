@@ -19,6 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.server.extensions.analysis.noise.line_fit import line_fit, mean_line
 
 MEAN_BLOCKS = 60
 MIN_BLOCKS = 12
@@ -113,43 +114,17 @@ def _mean_between(known: Floats, degrees: Floats, begin: float, end: float) -> f
 
 
 def _slope(centres: Floats, warmth: Floats, means: Floats) -> tuple[float, float, bool]:
-    """Slope over the temperature, half of its 95 % interval, and whether the dependence is not linear.
-
-    Each share of the walk counts by its restricted likelihood (the coefficients are estimated too), and with it what
-    the slopes differ by.
-    """
-    from scipy.special import stdtrit
-
+    """Slope over the temperature, half of its 95 % interval, and whether the dependence is not linear."""
     count = len(means)
     steps = (centres - centres[0]) / np.median(np.diff(centres))
     walk = np.minimum.outer(steps, steps)
     degrees = warmth - warmth.mean()
-    design = np.stack([np.ones(count), degrees, np.square(degrees) - np.square(degrees).mean()], axis=1)
-    fits = np.array([_fitted(np.eye(count) + share * walk, design, means) for share in WALK_SHARES])
-    likelihood, slopes, variances, curves = fits.T
-    weights = np.exp(likelihood - likelihood.max())
-    weights /= weights.sum()
-    slope = float(weights @ slopes)
-    sigma = float(np.sqrt(weights @ (variances + np.square(slopes - slope))))
-    return slope, float(stdtrit(count - 2, 0.975)) * sigma, bool(weights @ curves > CURVED_SIGMAS)
-
-
-def _fitted(covariance: Floats, design: Floats, means: Floats) -> tuple[float, float, float, float]:
-    """Likelihood, slope and its variance by a line, and the curvature beside it in its standard deviations."""
-    root = np.linalg.cholesky(covariance)
-    right = np.linalg.solve(root, means)
-    results = []
-    for columns in (2, 3):
-        rows = np.linalg.solve(root, design[:, :columns])
-        normal = rows.T @ rows
-        solution = np.linalg.solve(normal, rows.T @ right)
-        rest = float(np.sum(np.square(right - rows @ solution)))
-        freedom = len(means) - columns
-        variance = rest / freedom * np.linalg.inv(normal)[-1, -1]
-        logs = 2 * float(np.log(np.diag(root)).sum()) + float(np.linalg.slogdet(normal)[1])
-        results.append((-0.5 * (freedom * np.log(max(rest, 1e-300)) + logs), float(solution[-1]), float(variance)))
-    (likelihood, slope, variance), (_, curve, spread) = results
-    return likelihood, slope, variance, abs(curve) / max(float(np.sqrt(spread)), 1e-300)
+    design = np.stack([np.ones(count), degrees, np.square(degrees)], axis=1)
+    covariances = [np.eye(count) + share * walk for share in WALK_SHARES]
+    slope, bound, weights = mean_line([line_fit(one, design[:, :2], means) for one in covariances], count - 2)
+    curves = [line_fit(one, design, means) for one in covariances]
+    sigmas = [abs(one.slope) / max(one.variance, 1e-300) ** 0.5 for one in curves]
+    return slope, bound, bool(weights @ sigmas > CURVED_SIGMAS)
 
 
 def _along(time: Floats, centres: Floats, warmth: Floats) -> Floats:
