@@ -55,12 +55,14 @@ class WaitFor:
     Args:
         is_answer: the device answers at once to the bytes just sent, so only its silence takes the time: a runner on a
             slow machine may give it longer.
+        may_refuse: a refusal answers the question as well (a device that measures says so by it): no failure.
     """
 
     match: Callable[[Event], Any | None]
     timeout_s: float
     what: str = ""
     is_answer: bool = False
+    may_refuse: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -410,7 +410,7 @@ def _identity(request: str) -> Transaction[dict[str, str]]:
         received.append(reply)
         return True
 
-    yield from requests.send_request(frames.build(number), request, 0.5, accept=accept)
+    yield from requests.send_request(frames.build(number), request, 0.5, accept=accept, may_refuse=request == "ReqDID")
     return dict(identity(received[-1]))
 
 

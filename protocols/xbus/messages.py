@@ -334,7 +334,7 @@ MESSAGES: tuple[Message, ...] = (
     _to_host(0x25, "SelftestResults", "5.3.2", "Result of the self-test, one bit per sensor.",
              (Field("flags", ">u2", bits=SELFTEST_BITS, doc="Tests passed."),)),
     _to_host(0x42, "Error", "5.3.2", "Error in the last message, or failure of the measurement.",
-             (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),), kind="indication"),
+             (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),), kind="indication", refusals=(4,)),
     _to_host(0x42, "Error", "5.3.2", "Device error with its detail.",
              (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),
               Field("device_error", ">u4", choices=DEVICE_ERRORS, doc="Detail of a device error.")), kind="indication"),
