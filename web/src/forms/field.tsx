@@ -15,7 +15,7 @@ import {
 import { ListInput } from "./list-input";
 import { idOf, problemAt, type FormContext } from "./form-context";
 import type { FieldForm } from "../wire/form-types";
-import { joined, type Path, rangeWords, valueWords } from "./values";
+import { joined, ownRangeWords, type Path, valueWords } from "./values";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 
@@ -59,7 +59,7 @@ export function Field({ sheet, field, path }: InputProps) {
   const title = titleOf(field);
   const row = joined(path);
   const range =
-    field.editor === "number" || field.editor === "integer" || field.editor === "vector" ? rangeWords(field) : "";
+    field.editor === "number" || field.editor === "integer" || field.editor === "vector" ? ownRangeWords(field) : "";
   const isBlock = field.editor === "list" || field.editor === "record";
   return (
     <div

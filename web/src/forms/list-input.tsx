@@ -142,6 +142,7 @@ export function meantFields(fields: readonly FieldForm[], record: FormValues | u
       doc,
       low: meaning.low ?? field.low,
       high: meaning.high ?? field.high,
+      limited: meaning.low === null && meaning.high === null ? field.limited : ["low", "high"],
     };
   });
 }
