@@ -379,6 +379,12 @@ class DeviceDriver(ABC):
         """Effect of this write on the link."""
         return None
 
+    def own_ports(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[str]:
+        """Paths of the settings of the port that the link uses ("PortConfig.words.0"), if it has a rate; several: it may
+        be any of them.
+        """
+        return ()
+
     def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
         """Possible rates of a device with these settings after a restart, likeliest first; empty if the rate does not
         change.

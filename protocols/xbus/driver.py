@@ -223,6 +223,7 @@ class XbusDriver(DeviceDriver):
 
     formerly = staticmethod(formerly)
     line_change = staticmethod(config_effects.line_change)
+    own_ports = staticmethod(config_effects.own_ports)
     rates = staticmethod(config_effects.rates)
     instead = staticmethod(config_effects.instead)
 

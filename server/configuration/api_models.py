@@ -288,6 +288,7 @@ class SnapshotBody:
     info: SnapshotInfo
     values: dict[str, dict[str, Any]]
     missing: dict[str, str]  # setting → why it is missing
+    ports: list[str] = field(default_factory=list)  # fields of the port of this link, now; several: of one of them
 
 
 @dataclass(slots=True)
