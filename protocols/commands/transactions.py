@@ -380,9 +380,7 @@ class DeviceDriver(ABC):
         return None
 
     def own_ports(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[str]:
-        """Paths of the settings of the port that the link uses ("PortConfig.words.0"), if it has a rate; several: it may
-        be any of them.
-        """
+        """Settings of the port that the link uses ("PortConfig.words.0"); several: it may be any of them."""
         return ()
 
     def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:

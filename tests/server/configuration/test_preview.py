@@ -64,7 +64,7 @@ def filled(data: st.DataObject, fields: tuple[Field, ...]) -> dict[str, Any]:
     ],
 )
 def test_the_range_of_a_type_is_not_one_of_the_setting(field: Field, limited: list[str]) -> None:
-    """ "0 to 4 294 967 295 ms" stood beside every number of the IMX."""
+    """Every number of the IMX had "0 to 4 294 967 295 ms" beside it."""
     assert field_form(field).limited == limited
 
 
@@ -77,7 +77,9 @@ def test_every_form_of_every_family_opens_and_previews(family: str) -> None:
     assert {row.group for row in forms.settings} | {row.group for row in forms.commands} == set(forms.groups)
     for setting in forms.settings:
         own = f"{setting.doc} {setting.consequence}"
-        assert not (setting.after and re.search("next reset|takes effect", own, re.I)), "the form says when it takes effect"
+        assert not (setting.after and re.search("next reset|takes effect", own, re.I)), (
+            "the form says when it takes effect"
+        )
         shown = preview_setting(present, setting.name, {})
         assert sent.dump_json(shown)
         nothing = not setting.writable or setting.partial  # to be sent
