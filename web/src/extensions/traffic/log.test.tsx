@@ -18,6 +18,7 @@ test("bytes by hand are checked, asked about, sent as they are, and found in the
   };
   const page = await openConfigure("xbus", { answers });
   fireEvent.click(await waitFor(() => button("Send hex")));
+  expect(find("#byhand-why").textContent).toContain("one valid message that only asks is sent at once"); // what is checked
   const field = screen.getByLabelText("Bytes to send (hex)");
   fireEvent.input(field, { target: { value: "FA FF 0" } });
   await waitFor(() => expect(find("#byhand-why").textContent).toContain("two hex digits"));
