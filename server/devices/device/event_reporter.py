@@ -154,7 +154,8 @@ class EventReporter:
     def reply(self, reply: Reply) -> None:
         """Report an answer or indication, with its values."""
         message = reply.message
-        level: Level = "warning" if message.name in ("Error", "Warning", "WakeUp") else "info"
+        refuses = next(iter(reply.values.values()), None) in message.refusals  # the job that was refused says so
+        level: Level = "warning" if message.name in ("Error", "Warning", "WakeUp") and not refuses else "info"
         if self._is_allowed("reply." + message.name, REPLIES_PER_PERIOD):
             text = _sentence(reply) or f"{message.title or message.name}{_values(reply)}"
             data = {"message": message.name, "values": to_json_safe(reply.values)}
