@@ -13,7 +13,6 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.recordings.tables.clocks.steps import StepOfClock
-from imuscope.server.extensions.analysis.noise.line_fit import line_fit, mean_line
 
 MOST_POINTS = 200  # of the course of a difference
 SIDE_ROWS = (20, 4000)  # fewest and most rows on a side of a step that distinguish it from a stall
@@ -89,6 +88,8 @@ def _slope_error(x: Floats, rest: Floats) -> float | None:
 
     Clocks wander, so the errors are white noise with a random walk of the difference, or of its rate.
     """
+    from scipy.special import stdtrit
+
     count = min(MEAN_BLOCKS, len(x) // FEWEST_BLOCKS)
     if count < FEWEST_BLOCKS:
         return None
@@ -102,10 +103,20 @@ def _slope_error(x: Floats, rest: Floats) -> float | None:
     early, late = np.minimum.outer(turn, turn), np.maximum.outer(turn, turn)
     walks = (early, early**2 * (3 * late - early) / 2)
     design = np.stack([np.ones(count), turn - turn.mean()], axis=1)
-    covariances = [np.eye(count), *(np.eye(count) + share * walk for walk in walks for share in WALK_SHARES)]
-    fits = [line_fit(one, design, means / size) for one in covariances]
-    slope, bound, _ = mean_line(fits, count - 2, WHITE_WEIGHT)
-    return math.hypot(bound, 1.5 * slope) * size / span * 1e6  # the stated slope is that of least squares
+    covariances = np.array([np.eye(count), *(np.eye(count) + share * walk for walk in walks for share in WALK_SHARES)])
+    # generalised least squares under each, which counts by its restricted likelihood
+    inverse, values, freedom = np.linalg.inv(covariances), means / size, count - 2
+    normal, right = design.T @ inverse @ design, design.T @ inverse @ values
+    solution = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
+    remains = np.maximum(values @ inverse @ values - np.sum(right * solution, axis=1), 1e-300)
+    logs = np.linalg.slogdet(covariances)[1] + np.linalg.slogdet(normal)[1]
+    likelihood = -0.5 * (freedom * np.log(remains) + logs)
+    weights = np.exp(likelihood - likelihood.max())
+    weights[0] *= WHITE_WEIGHT
+    slopes, variances = solution[:, 1], remains / freedom * np.linalg.inv(normal)[:, 1, 1]
+    # the stated slope is that of least squares, from which the others differ
+    sigma = math.sqrt(float(weights @ (variances + np.square(slopes))) / float(weights.sum()))
+    return float(stdtrit(freedom, 0.975)) * sigma * size / span * 1e6
 
 
 def _series(difference: Floats, axis: Floats, bounds: Sequence[int]) -> ClockDifference | None:
