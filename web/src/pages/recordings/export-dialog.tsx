@@ -19,9 +19,6 @@ import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 import "./export.css";
 
-type Units = ExportJobRequest["units"];
-const UNITS: readonly Units[] = ["shown", "SI", "device"];
-
 export function ExportDialog({ app, of }: { readonly app: App; readonly of: Exporting }) {
   const { info, detail, ranges, first, base } = of;
   const formats = formatsOf(capabilities.value.exports, info);
@@ -29,7 +26,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const range = useSignal<ExportRange | undefined>(of.chosen);
   const left = useSignal<ReadonlySet<number>>(new Set());
   const device = useSignal("");
-  const units = useSignal<Units>("shown");
+  const units = useSignal<ExportJobRequest["units"]>("shown");
   const busy = useSignal(false);
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const chosen = format.value;
@@ -111,7 +108,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
             label={TEXT.units}
             class="full-width"
             value={units.value}
-            options={UNITS.map((one) => [one, TEXT.unitsOf[one]] as const)}
+            options={(["shown", "SI", "device"] as const).map((one) => [one, TEXT.unitsOf[one]] as const)}
             onChoose={(one) => (units.value = one)}
           />
         )}
