@@ -55,12 +55,14 @@ class WaitFor:
     Args:
         is_answer: the device answers at once to the bytes just sent, so only its silence takes the time: a runner on a
             slow machine may give it longer.
+        may_refuse: a refusal answers the question as well (a device that measures says so by it): no failure.
     """
 
     match: Callable[[Event], Any | None]
     timeout_s: float
     what: str = ""
     is_answer: bool = False
+    may_refuse: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -376,6 +378,10 @@ class DeviceDriver(ABC):
     def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
         """Effect of this write on the link."""
         return None
+
+    def own_ports(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[str]:
+        """Settings of the port that the link uses ("PortConfig.words.0"); several: it may be any of them."""
+        return ()
 
     def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
         """Possible rates of a device with these settings after a restart, likeliest first; empty if the rate does not

@@ -56,6 +56,11 @@ def line_change(setting: str, old: Values | None, new: Values, known: DeviceCont
     return None
 
 
+def own_ports(values: Mapping[str, Values], known: DeviceContext) -> list[str]:
+    rates = values.get("DID_FLASH_CONFIG", {})
+    return [f"DID_FLASH_CONFIG.{name}" for name in PORTS if known.baud is not None and rates.get(name) == known.baud]
+
+
 def _words(ours: Mapping[str, int], known: DeviceContext) -> str:
     changes = " and ".join(f"{PORTS[name]} to {rate:_} Bd".replace("_", " ") for name, rate in ours.items())
     if known.baud is None:

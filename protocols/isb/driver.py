@@ -49,7 +49,7 @@ from imuscope.protocols.isb.commands import (
     SAVE_PERSISTENT,
     SYS_CMD,
 )
-from imuscope.protocols.isb.config_effects import SAVED, alters, differences, line_change, risks_of_change
+from imuscope.protocols.isb.config_effects import SAVED, alters, differences, line_change, own_ports, risks_of_change
 from imuscope.protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS
 from imuscope.protocols.isb.device_info import identity
 from imuscope.protocols.isb.encoder import (
@@ -352,6 +352,7 @@ class IsbDriver(DeviceDriver):
         raise NoReplyError("GET DID_DEV_INFO", MAX_ATTEMPTS, ANSWER_S)
 
     line_change = staticmethod(line_change)
+    own_ports = staticmethod(own_ports)
 
     def instead(
         self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext

@@ -169,6 +169,7 @@ class Message:
         direction: its sender.
         title, doc, source: display name; one sentence; section of the document.
         sealed: only its maker can read its bytes, so that no definition of a payload is missing.
+        refusals: values of the first field that refuse a request for its state, and say nothing of the device's health.
     """
 
     id: int
@@ -185,6 +186,7 @@ class Message:
     doc: str = ""
     source: str = ""
     sealed: bool = False
+    refusals: tuple[int, ...] = ()
 
 
 Caution = Literal["", "restarts", "stops-output", "cuts-line", "loses-settings", "wears-flash", "moves-frame"]

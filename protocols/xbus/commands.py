@@ -93,7 +93,7 @@ def _do(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: 
     return CommandRow(message, "do", group, title, on, **more)
 
 
-_CUTS = "Takes effect at the next reset. A cable or program that does not use the new settings loses the connection."
+_CUTS = "After its restart, a cable or program that does not use the new settings loses the connection."
 _GNSS_HEADING = frozenset({710, 670, 680})
 _PLATFORM = frozenset({7, 710})
 

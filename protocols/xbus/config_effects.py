@@ -61,7 +61,7 @@ def _port_change(old: list[int], new: list[int], known: DeviceContext) -> BaudCh
 
     If one of two such ports changes, the device may answer at the old rate or at the new one.
     """
-    ours = own_ports(old, known)
+    ours = own_places(old, known)
     changed = {place: _one_port(place, old, new, known) for place in ours}
     changes = [change for change in changed.values() if change is not None]
     if not changes:
@@ -75,11 +75,16 @@ def _port_change(old: list[int], new: list[int], known: DeviceContext) -> BaudCh
     return BaudChange(worst.kind, words, worst.baud, others)
 
 
-def own_ports(words: list[int], known: DeviceContext) -> list[int]:
+def own_places(words: list[int], known: DeviceContext) -> list[int]:
     """The host ports that this line may be connected to: those with Xbus at its rate; if there are none, both."""
     hosts = [place for place, word in enumerate(words[:2]) if word >> 16 & 0xF == _XBUS]
     at_rate = [place for place in hosts if BAUD_RATES.get(words[place] & 0xFF) == known.baud]
     return at_rate or hosts or [0, 1]
+
+
+def own_ports(values: Mapping[str, Values], known: DeviceContext) -> list[str]:
+    words = [int(word) for word in values.get("PortConfig", {}).get("words", ())]
+    return [f"PortConfig.words.{place}" for place in own_places(words, known)] if words and known.baud else []
 
 
 def _one_port(place: int, old: list[int], new: list[int], known: DeviceContext) -> BaudChange | None:
@@ -111,7 +116,7 @@ def instead(
     words = [int(word) for word in present.get("PortConfig", {}).get("words", ())]
     if not words:
         return "PortConfig", {}
-    code, ours = int(values["baudrate_code"]), own_ports(words, known)
+    code, ours = int(values["baudrate_code"]), own_places(words, known)
     return "PortConfig", {"words": [word & ~0xFF | code if n in ours else word for n, word in enumerate(words)]}
 
 

@@ -223,6 +223,7 @@ class XbusDriver(DeviceDriver):
 
     formerly = staticmethod(formerly)
     line_change = staticmethod(config_effects.line_change)
+    own_ports = staticmethod(config_effects.own_ports)
     rates = staticmethod(config_effects.rates)
     instead = staticmethod(config_effects.instead)
 
@@ -410,7 +411,7 @@ def _identity(request: str) -> Transaction[dict[str, str]]:
         received.append(reply)
         return True
 
-    yield from requests.send_request(frames.build(number), request, 0.5, accept=accept)
+    yield from requests.send_request(frames.build(number), request, 0.5, accept=accept, may_refuse=request == "ReqDID")
     return dict(identity(received[-1]))
 
 

@@ -334,7 +334,7 @@ MESSAGES: tuple[Message, ...] = (
     _to_host(0x25, "SelftestResults", "5.3.2", "Result of the self-test, one bit per sensor.",
              (Field("flags", ">u2", bits=SELFTEST_BITS, doc="Tests passed."),)),
     _to_host(0x42, "Error", "5.3.2", "Error in the last message, or failure of the measurement.",
-             (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),), kind="indication"),
+             (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),), kind="indication", refusals=(4,)),
     _to_host(0x42, "Error", "5.3.2", "Device error with its detail.",
              (Field("code", "u1", choices=ERROR_CODES, doc="Error code."),
               Field("device_error", ">u4", choices=DEVICE_ERRORS, doc="Detail of a device error.")), kind="indication"),
@@ -351,7 +351,7 @@ MESSAGES: tuple[Message, ...] = (
     # 5.3.3 device
     _to_device(0x18, "ReqBaudrate", "5.3.3", "Requests the baud rate; deprecated on the 600-series."),
     _to_host(0x19, "ReqBaudrateAck", "8.3", "The baud rate.", _BAUD),
-    _to_device(0x18, "SetBaudrate", "5.3.3", "Stores a baud rate, in effect after the next reset.", _BAUD),
+    _to_device(0x18, "SetBaudrate", "5.3.3", "Stores a baud rate.", _BAUD),
     _to_host(0x19, "SetBaudrateAck", "8.3", "The baud rate is stored."),
     _to_device(0x48, "ReqOptionFlags", "5.3.3", "Requests the option flags."),
     _to_host(0x49, "ReqOptionFlagsAck", "8.3", "The option flags.", _OPTIONS),

@@ -97,8 +97,13 @@ def send_request(
     timeout_s: float,
     attempts: int = MAX_ATTEMPTS,
     accept: Callable[[Reply], bool] = lambda reply: True,
+    *,
+    may_refuse: bool = False,
 ) -> Transaction[Plain]:
     """Send a request until it is acknowledged.
+
+    Args:
+        may_refuse: as of WaitFor.
 
     Returns:
         The acknowledgement's fields, wire values.
@@ -119,7 +124,7 @@ def send_request(
 
     for _ in range(attempts):
         yield Send(frame, what)
-        reply = yield WaitFor(match, timeout_s, what, is_answer=True)
+        reply = yield WaitFor(match, timeout_s, what, is_answer=True, may_refuse=may_refuse)
         if reply is not None:
             if reply.message.id == ERROR:
                 raise refusal(what, reply)
@@ -156,7 +161,7 @@ def is_in_config(sample_s: float = 0.0) -> Transaction[bool]:
         sample_s: time between the samples that it sent before; 0 if not known.
     """
     yield Send(frames.build(REQ_DID), "ReqDID")
-    message = yield WaitFor(_did_or_refusal, ANSWER_S, "ReqDID", is_answer=True)
+    message = yield WaitFor(_did_or_refusal, ANSWER_S, "ReqDID", is_answer=True, may_refuse=True)
     if message == WAKE_UP:  # it is starting, and would measure
         yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
     if message != REQ_DID + 1:
@@ -213,7 +218,7 @@ def to_measurement() -> Transaction[None]:
         DeviceRejectedError, NoReplyError: it fails.
     """
     try:
-        yield from send_request(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement", 0.5)
+        yield from send_request(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement", 0.5, may_refuse=True)
     except DeviceRejectedError as refused:
         if refused.code != ERROR_MESSAGE:
             raise
@@ -225,13 +230,13 @@ def is_alive(times: StateTimes) -> Transaction[bool]:
         return True
     for _ in range(4):
         yield Send(frames.build(0x00), "ReqDID")  # refused while measuring, which is an answer too
-        if (yield WaitFor(_speaks, times.answer_s)):
+        if (yield WaitFor(_speaks, times.answer_s, may_refuse=True)):
             return True
     yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
     if not (yield WaitFor(_speaks, times.answer_s)):
         return False
     yield Send(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement")
-    yield WaitFor(_speaks, times.answer_s)
+    yield WaitFor(_speaks, times.answer_s, may_refuse=True)
     return True
 
 

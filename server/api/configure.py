@@ -200,8 +200,8 @@ async def run(
 async def send_raw(
     body: RawRequest, controller: OneController, sensor: WantedSensor, controllers: AllControllers
 ) -> wire.Job:
-    """Send bytes unchanged. They are not checked, so they are sent only when `confirmed`, unless they are one message
-    that only asks. 409 names what they are and do.
+    """Send bytes unchanged. Framing and checksum are read, the values are not checked: all but one valid message that
+    only asks are sent only when `confirmed`. 409 names what they are and do.
     """
     try:
         data = bytes.fromhex(body.hex)

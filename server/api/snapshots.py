@@ -45,7 +45,8 @@ def _identity(controller: DeviceController) -> tuple[str, str]:
 @router.get("/values", responses=responses(404, 409, 422))
 async def get_values(controller: OneController) -> SnapshotBody:
     """Values of the device as last read or written; `taken` 0: never read."""
-    return plain_body(_now(controller), "")
+    ports = controller.driver.own_ports(controller.values, controller.context)
+    return replace(plain_body(_now(controller), ""), ports=list(ports))
 
 
 def plain_body(snapshot: Snapshot, name: str) -> SnapshotBody:

@@ -42,6 +42,7 @@ class FieldForm:
     bias: float = 0.0
     low: float | None = None  # allowed wire values
     high: float | None = None
+    limited: list[Literal["low", "high"]] = field(default_factory=list)  # by the setting, not only by its type
     step: float | None = None  # 1 for integers
     default: Any = None
     decimals: int = -1
@@ -287,6 +288,7 @@ class SnapshotBody:
     info: SnapshotInfo
     values: dict[str, dict[str, Any]]
     missing: dict[str, str]  # setting → why it is missing
+    ports: list[str] = field(default_factory=list)  # fields of the port of this link, now; several: of one of them
 
 
 @dataclass(slots=True)

@@ -16,7 +16,8 @@ the type:
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
 from imuscope.protocols.commands.rate_tables import RateTable
 from imuscope.protocols.commands.transactions import DeviceContext, DeviceDriver, Values
@@ -139,6 +140,7 @@ def field_form(field: Field) -> FieldForm:
         bias=field.bias,
         low=low,
         high=high,
+        limited=_limited(field),
         step=1.0 if not field.fields and _is_number(field) and is_whole(field) else None,
         default=field.default,
         decimals=field.decimals,
@@ -187,6 +189,12 @@ def _range(field: Field) -> tuple[float | None, float | None]:
     if not is_whole(field):
         return field.low, field.high
     return bounds(field)
+
+
+def _limited(field: Field) -> list[Literal["low", "high"]]:
+    of_type = _range(replace(field, low=None, high=None))
+    sides: tuple[Literal["low", "high"], ...] = ("low", "high")
+    return [side for side, limit, free in zip(sides, _range(field), of_type, strict=True) if limit != free]
 
 
 def _length(field: Field) -> int:

@@ -258,5 +258,5 @@ def _put_back(
         left[:] = [frame for frame in left if not confirms(frame, event)]
         return None if left else True
 
-    is_back = yield WaitFor(match, sample_s, "an answer", is_answer=True)
+    is_back = yield WaitFor(match, sample_s, "an answer", is_answer=True, may_refuse=True)
     return True if is_back else False if answered else None

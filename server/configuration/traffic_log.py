@@ -59,7 +59,7 @@ class TrafficLog:
         self._name_of = name_of
         self._bytes_at = bytes_at
         self._entries: deque[TrafficEntry] = deque(maxlen=MAX_ENTRIES)
-        self._pending: list[tuple[Event, bool]] = []
+        self._pending: list[tuple[Event, bool, bool]] = []
         self._sent_at: float | None = None
         self._last_sent, self._repeated = b"", 0
         self._unsolicited = PeriodLimit(MAX_A_SECOND, 1.0)
@@ -131,11 +131,15 @@ class TrafficLog:
         """Take a reply of the device. It is logged later, when all listeners have had the chance to match it."""
         self._append(reply, answers=False)
 
-    def matched(self, event: Event) -> None:
-        """Mark an event as the answer to the last request."""
-        for place, (one, _) in enumerate(self._pending):
+    def matched(self, event: Event, *, may_refuse: bool = False) -> None:
+        """Mark an event as the answer to the last request.
+
+        Args:
+            may_refuse: a refusal is one of the expected answers, and no warning.
+        """
+        for place, (one, *_) in enumerate(self._pending):
             if one is event:
-                self._pending[place] = (event, True)
+                self._pending[place] = (event, True, may_refuse)
                 return
         if isinstance(event, Batch):  # samples are logged only if a job requested them
             self._append(event, answers=True)
@@ -144,15 +148,15 @@ class TrafficLog:
         if not self._pending:
             with contextlib.suppress(RuntimeError):  # without a loop, the next access flushes
                 asyncio.get_running_loop().call_soon(self.flush)
-        self._pending.append((event, answers))
+        self._pending.append((event, answers, False))
 
     def flush(self) -> None:
         """Log the received events."""
         pending, self._pending = self._pending, []
-        for event, answers in pending:
+        for event, answers, may_refuse in pending:
             streamed = isinstance(event, Batch | Reply) and event.message.name in STREAMED
             if answers or (not streamed and self._may_log()):
-                self._on_reply(event, answers)
+                self._on_reply(event, answers, may_refuse)
 
     def _may_log(self) -> bool:
         """Whether another unsolicited answer may be logged."""
@@ -160,14 +164,14 @@ class TrafficLog:
             self._add("note", "", b"", f"{left} more messages, not listed.")
         return self._unsolicited.allows()
 
-    def _on_reply(self, event: Event, answers: bool) -> None:
+    def _on_reply(self, event: Event, answers: bool, may_refuse: bool) -> None:
         name, values, frame, arrival = self._read(event)
         self._log_repeats()
         ms = None
         if answers and self._sent_at is not None:
             ms = max(0.0, (arrival - self._sent_at) * 1e3)
             self._sent_at = None
-        level: Level = "warning" if name in ("Error", "Warning") else "info"
+        level: Level = "warning" if name in ("Error", "Warning") and not may_refuse else "info"
         fields = event.message.fields if isinstance(event, Batch | Reply) else ()
         self._add("rx", name, frame, values_text(values, fields), ms=ms, level=level, time=arrival)
 

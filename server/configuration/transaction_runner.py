@@ -64,7 +64,7 @@ class TrafficListener(Protocol):
 
     def sent(self, frame: bytes, what: str, written_ns: int | None) -> None: ...
 
-    def matched(self, event: Event) -> None: ...
+    def matched(self, event: Event, *, may_refuse: bool = False) -> None: ...
 
     def add_note(self, text: str, *, error: bool = False) -> None: ...
 
@@ -210,7 +210,7 @@ class Runner:
     def _try(self, act: WaitFor, event: Event) -> Any:
         result = act.match(event)
         if result is not None:
-            self._watcher.matched(event)
+            self._watcher.matched(event, may_refuse=act.may_refuse)
         return result
 
     def _on_event(self, event: Event) -> None:
@@ -250,7 +250,7 @@ class Runner:
                 left.difference_update({frame for frame in left if self._confirms(frame, event)})
             return None if left else True
 
-        if left and await self._wait_for(WaitFor(match, CONFIRM_S, "the device back", is_answer=True)):
+        if left and await self._wait_for(WaitFor(match, CONFIRM_S, "the device back", is_answer=True, may_refuse=True)):
             await self._do(PutBack())  # else they stay owed
 
 

@@ -56,7 +56,7 @@ def test_figures_lead_to_the_clocks_of_the_stream(server: ServerProcess, open_pa
 def test_the_clocks_of_a_stream_fit_a_phone(server: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = open_page(server.url, width=PHONE[0], height=PHONE[1], touch=True)
     until(page, "document.querySelector('.strip [data-about=time][role=link]') !== null")
-    page.locator(".strip [data-about=time]").first.press("Enter")  # figures move aside when data are late
+    page.locator(".strip [data-about=time]").first.click()
     until(page, MEASURED)
     assert fits(page, place="document.querySelector('dialog[open]')")
     assert small_targets(page, "document.querySelector('dialog[open]')") == []

@@ -13,6 +13,7 @@ NOT_OF_ONE_SOURCE = {
     "protocols/test_floods.py": "what endless input costs, for each family",
     "protocols/test_inspect.py": "lists of frames, for each family",
     "protocols/test_properties.py": "properties that every family has",
+    "server/test_causes.py": "what proves each cause that any part states",
     "server/test_long_runs.py": "what no part may keep for weeks",
     "server/test_resource_limits.py": "what a client, a query, a pipe or a file may use of each part",
 }

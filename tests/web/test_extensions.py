@@ -123,9 +123,9 @@ def test_the_tests_of_the_page_pass_without_its_extensions(tmp_path: Path) -> No
     _node(_page_without(NAMES, tmp_path), "vitest/vitest.mjs", "run", "--no-color")
 
 
-KERNEL_LINES = 36_000
+KERNEL_LINES = 35_500
 """Of TypeScript and CSS outside extensions: what one needs to see, record, replay and configure a sensor."""
-GENERATED = {"wire/routes.ts", "wire/types.ts", "wire/capability-types.ts"}
+GENERATED = re.compile(r"wire/(routes|([a-z]+-)?types)\.ts")
 
 
 def test_the_heart_of_the_page_stays_small() -> None:
@@ -134,7 +134,7 @@ def test_the_heart_of_the_page_stays_small() -> None:
     for path in SOURCES.rglob("*"):
         name = path.relative_to(SOURCES).as_posix()
         is_code = path.suffix in (".ts", ".tsx", ".css") and not re.search(r"\.test\.|\.d\.ts$", name)
-        if is_code and not name.startswith(("extensions/", "testing/")) and name not in GENERATED:
+        if is_code and not name.startswith(("extensions/", "testing/")) and not GENERATED.fullmatch(name):
             folder = name.rpartition("/")[0]
             lines[folder] = lines.get(folder, 0) + len(path.read_text(encoding="utf-8").splitlines())
     total = sum(lines.values())

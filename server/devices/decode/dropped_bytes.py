@@ -22,11 +22,12 @@ class DroppedBytes:
         self._reported = 0
         self._reported_at = float("-inf")
 
-    def update(self, total: int, now: float) -> None:
-        """Update the number of bytes left out since the session began."""
+    def update(self, total: int, now: float, arrivals: tuple[float, float]) -> None:
+        """Update the number of bytes left out since the session began; `arrivals` of bytes before and after them."""
         figures = self._stats
         if total != figures.left_out:
             figures.left_out, figures.left_out_at = total, now
+            figures.left_out_spans.append(arrivals)
 
     def tick(self, now: float) -> None:
         """Report new drops at intervals."""

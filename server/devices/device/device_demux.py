@@ -289,7 +289,9 @@ class LinkDevices:
         if sender.ingest is not None:
             sender.ingest.samples = 0  # the next sample makes it live again
 
-    def health_of_all(self, now: float, capacity: float | None) -> list[wire.DeviceHealth]:
+    def health_of_all(
+        self, now: float, capacity: float | None, pauses: Sequence[tuple[float, float]] = ()
+    ) -> list[wire.DeviceHealth]:
         """The figures of every device of the link for the page, its own first. Rejects are those of the link, because
         their sender is unknown.
         """
@@ -299,7 +301,7 @@ class LinkDevices:
         is_full = now - self._free_at >= FULL_S
         for sender in self.all:
             clock = sender.ingest.clock if sender.ingest is not None else None
-            cause = sender.ingest.jitter_cause(now) if sender.ingest is not None else None
+            cause = sender.ingest.jitter_cause(now, pauses) if sender.ingest is not None else None
             reports.append(health(sender.state.info.id, sender.stats, clock, capacity, now, cause, is_full=is_full))
         for one in reports[1:]:
             one.rejects, one.rejects_by = reports[0].rejects, reports[0].rejects_by

@@ -18,7 +18,7 @@ from imuscope.server.devices.device.link_stats import LinkStatistics
 from imuscope.server.streaming.sink import TelemetrySink
 
 MAX_ATTEMPTS = 12
-LINE_FULL = "the line is full, so frames wait in the device for an unknown time"
+LINE_FULL = "the line is nearly full, so frames may wait in the device for an unknown time"
 ARRIVES_S = 2.0  # delays are known from arriving bytes
 MIN_DELAYS = 100  # delays, for one that 99 of 100 stay below
 _TOPICS = re.compile(r"(?!serial:|file:)[a-z][\w+.-]*://(?P<host>[^/]+)(?P<path>/.+)")

@@ -154,7 +154,8 @@ class EventReporter:
     def reply(self, reply: Reply) -> None:
         """Report an answer or indication, with its values."""
         message = reply.message
-        level: Level = "warning" if message.name in ("Error", "Warning", "WakeUp") else "info"
+        refuses = next(iter(reply.values.values()), None) in message.refusals  # the job that was refused says so
+        level: Level = "warning" if message.name in ("Error", "Warning", "WakeUp") and not refuses else "info"
         if self._is_allowed("reply." + message.name, REPLIES_PER_PERIOD):
             text = _sentence(reply) or f"{message.title or message.name}{_values(reply)}"
             data = {"message": message.name, "values": to_json_safe(reply.values)}
@@ -209,7 +210,8 @@ class EventReporter:
     def _sum_up(self, sort: str, suppressed: _Sum) -> None:
         span = (suppressed.t0, suppressed.t1) if suppressed.t1 >= suppressed.t0 else None
         if sort == "gap":
-            text = f"{_samples(suppressed.samples)} more lost in {counted(suppressed.count, 'gap')}: {suppressed.last}"
+            why = f": {suppressed.last}" if len(suppressed.parts) == 1 else ", for several reasons."
+            text = f"{_samples(suppressed.samples)} more lost in {counted(suppressed.count, 'gap')}{why}"
             data = {"gaps": suppressed.count, "by": suppressed.parts.most_common(1)[0][0]}
             self.report("gap", "error", text, span=span, samples=suppressed.samples, data=data)
         elif sort == "reject":

@@ -29,7 +29,7 @@ from imuscope.protocols.family.info import DeviceTraits, StreamTraits
 from imuscope.protocols.framing.stream_buffer import REFUSED
 from imuscope.protocols.rotations import UNIT_TOLERANCE
 from imuscope.server.devices.device.event_reporter import EventReporter
-from imuscope.server.devices.device.jitter_causes import cause_of
+from imuscope.server.devices.device.jitter_causes import Span, cause_of
 from imuscope.server.devices.device.link_stats import LinkStatistics
 from imuscope.server.devices.device.losses import LossReporter
 from imuscope.server.devices.device.sentence_clock import SentenceRows
@@ -133,6 +133,7 @@ class LinkTiming:
         timed: whether arrival times are real; False if they were derived from the device's own clock.
         speed: speed of delivery relative to the device's clock (Link.speed).
         by_gnss: whether arrival times are those in the messages of a GNSS receiver.
+        dropped: datagrams that this host's kernel dropped so far.
     """
 
     byte_time_ns: float = 0
@@ -143,11 +144,13 @@ class LinkTiming:
     timed: bool = True
     speed: float = 1.0
     by_gnss: Callable[[], bool] = lambda: False
+    dropped: Callable[[], int] = lambda: 0
 
     @classmethod
     def of(cls, link: Link) -> "LinkTiming":
         """Timing properties of an open link."""
-        return cls(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link), speed=link.speed)
+        line = byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link)
+        return cls(*line, speed=link.speed, dropped=lambda: getattr(link, "lost", 0))
 
 
 class Ingest:
@@ -184,8 +187,7 @@ class Ingest:
         self._identify = identify
         self._line = line
         self._counts_rejects = counts_rejects
-        self._rejects_before = 0  # since the last good frame
-        self._losses = LossReporter(figures, incidents, sink.now, kind=line.kind, capacity=line.capacity)
+        self._losses = LossReporter(figures, incidents, sink.now, line.dropped, kind=line.kind, capacity=line.capacity)
         if about.stream.output_changes is not None:
             self._losses.changes = about.stream.output_changes()
         unknown_ns = NETWORK_NS if is_network(line.kind) else 0
@@ -281,9 +283,10 @@ class Ingest:
 
     # ── time ──
 
-    def jitter_cause(self, now: float) -> JitterCause | None:
-        """Cause of its uneven arrival times."""
-        return cause_of(self.clock, self._resets, kind=self._line.kind, port=self._line.port, now=now)
+    def jitter_cause(self, now: float, pauses: Sequence[Span] = ()) -> JitterCause | None:
+        """Cause of its uneven arrival times; `pauses`: when this process did not run."""
+        line = self._line
+        return cause_of(self.clock, self._resets, kind=line.kind, port=line.port, now=now, pauses=pauses)
 
     def _host_times(self, batches: Sequence[Batch], steps: Sequence[ClockStep]) -> list[Ints]:
         """Device time of every batch, mapped to host time (unix ns); NO_TIME where a message has no clock.
@@ -349,8 +352,7 @@ class Ingest:
         is_usual = len(batches) == len(events) and batches and self._line.timed
         if is_usual and not self._losses.interruptions:
             ends = [_last(batch, time) for batch, time in zip(batches, times, strict=True)]
-            self._losses.last_time = max(ends) if self._losses.last_time is None else max(self._losses.last_time, *ends)
-            self._rejects_before = 0
+            self._losses.usual(max(ends), max(int(batch.offset[-1]) for batch in batches))
             self._report_remapping()
             return
         offsets, hosts = _stream_order(batches, times)
@@ -359,7 +361,6 @@ class Ingest:
         pauses = self._pauses(hosts) if not self._line.timed else ()
         self._losses.begin(events, offsets, hosts)
         rejects: list[RejectedFrame] = []
-        damaged: list[RejectedFrame] = []  # without frames rejected for reasons that do not concern the line
         for event in events:
             if isinstance(event, Batch):
                 continue
@@ -369,9 +370,9 @@ class Ingest:
             elif isinstance(event, RejectedFrame):
                 rejects.append(event)
                 if event.reason not in REFUSED:
-                    damaged.append(event)
+                    self._losses.damaged_at = event.offset
             elif isinstance(event, SampleGap):
-                self._losses.gap(event, len(damaged) + self._rejects_before)
+                self._losses.gap(event)
             elif isinstance(event, ClockStep):
                 if event.kind == "reset":
                     self._resets.append(event.arrival_ns / 1e9)
@@ -389,9 +390,6 @@ class Ingest:
             self._events.rejects([reject for reject in rejects if reject.reason not in REPORTED_ONCE])
         if len(hosts):
             self._losses.end()
-            self._rejects_before = sum(reject.offset > offsets[-1] for reject in damaged)
-        else:
-            self._rejects_before += len(damaged)
 
     def _pauses(self, hosts: NDArray[np.float64]) -> list[float]:
         """Report pauses of a capture by the device's clock; returns the end of each, unix s."""

@@ -15,6 +15,7 @@ from imuscope.server.wire import MessageHealth
 MAX_MESSAGES = 256  # counted by name; a healthy device has a few dozen, noise can produce any number
 OTHERS = "other messages"
 RATES, RATE_WINDOW_S = 8, 1.0
+SPANS = 64
 RATE_TOLERANCE = 2.0  # a host that catches up sees twice the rate
 FEW_LOST = 16  # a gap may end anywhere in a chunk
 LATENCIES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # a flush may wait 8 or 16 ms
@@ -39,6 +40,9 @@ class LinkStatistics:
         self.unverified: int | None = None
         self.left_out = 0  # bytes dropped because they could not be decoded in time
         self.left_out_at = float("-inf")  # time of the last drop, unix s
+        self.left_out_spans: deque[tuple[float, float]] = deque(
+            maxlen=SPANS
+        )  # arrivals around the latest drops, unix s
         self.last_arrival: float | None = None  # of bytes
         self.last_sample: float | None = None  # of a decoded message
         self.last_batch = self.batch_interval = 0.0  # arrival of the newest samples, unix s, and since those before, s

@@ -6,8 +6,8 @@ known. The share is that of all samples which the counter numbers: where several
 
     cause      known by
     request    a configuration or a pause on request lies in between
-    host       this host left bytes out because it could not decode them in time
-    wire       bytes in between failed their checks
+    host       this host left bytes out at that time, or its kernel dropped datagrams
+    wire       the bytes of most of them arrived in between, and failed their checks
     network    possible: datagrams may be dropped anywhere on their way
     link       possible: the line is nearly full
 """
@@ -25,7 +25,8 @@ from imuscope.server.devices.device.event_reporter import EventReporter, LossCau
 from imuscope.server.devices.device.link_stats import LinkStatistics
 
 FULL_LINK_SHARE = 0.9  # share of a link's capacity above which it may be the cause of a gap
-LEFT_OUT_S = 10.0  # a gap this soon after bytes were left out is attributed to that
+LEFT_OUT_S = 1.0  # between a gap and the arrival of bytes that were left out
+DAMAGED_SHARE = 0.5  # of the bytes of lost frames that arrived: more cannot be expected, as frames have several sizes
 NEIGHBOURS, MIN_NEIGHBOURS = 64, 8  # samples beside a gap from which a rate is taken
 MAX_INTERRUPTIONS = 64  # remembered while no frame arrives
 
@@ -34,11 +35,13 @@ class LossReporter:
     """Gaps of one device during one connection.
 
     Args:
+        dropped: datagrams that this host's kernel dropped so far.
         kind, capacity: of its link: wire.DeviceInfo.link, and the bytes/s that it can carry, None if unknown.
 
     Attributes:
         changes: notices replies that stop or change the output; None for a protocol without such replies.
-        last_time: host time of the last frame of the previous drain, unix s.
+        last_time, last_offset: host time (unix s) and position of the last frame of the previous drain.
+        damaged_at: position of the last frame that failed its checks.
         interruptions: on request since the last frame: position, and rank and reason.
     """
 
@@ -47,17 +50,19 @@ class LossReporter:
         stats: LinkStatistics,
         events: EventReporter,
         now: Callable[[], float],
+        dropped: Callable[[], int] = lambda: 0,
         *,
         kind: str,
         capacity: float | None,
     ) -> None:
         self._stats, self._events, self._now = stats, events, now
         self._kind, self._capacity = kind, capacity
+        self._dropped, self._drops, self._drops_before = dropped, 0, 0
         self.changes: OutputChanges | None = None
         self.last_time: float | None = None
         self.interruptions: list[tuple[int, tuple[int, str]]] = []
         self._explained: set[int] = set()  # positions of those that a counter has shown
-        self._last_offset = -1  # of the last frame of the previous drain
+        self.last_offset = self.damaged_at = -1
         self._doubted = 0  # missing samples by a counter that its clock contradicts, not counted
         self._resets: set[int] = set()  # positions at which the clock restarted, of this drain
         self._offsets: NDArray[np.int64] = np.zeros(0, np.int64)
@@ -72,9 +77,15 @@ class LossReporter:
             del self.interruptions[:-MAX_INTERRUPTIONS]
         self._resets = {event.offset for event in events if isinstance(event, ClockStep) and event.kind == "reset"}
         self._offsets, self._hosts = offsets, hosts
+        self._drops_before, self._drops = self._drops, self._dropped()
 
-    def gap(self, gap: SampleGap, rejects: int) -> None:
-        """Count and report a gap of this drain, with so many damaged frames before it."""
+    def usual(self, last_time: float, last_offset: int) -> None:
+        """Process a drain of samples only, which ends there."""
+        self.last_time = last_time if self.last_time is None else max(self.last_time, last_time)
+        self.last_offset, self._drops = last_offset, self._dropped()
+
+    def gap(self, gap: SampleGap) -> None:
+        """Count and report a gap of this drain."""
         if gap.missing < 0:
             doubted = min(self._doubted, -gap.missing)
             self._doubted -= doubted
@@ -96,8 +107,11 @@ class LossReporter:
             self._events.counter_restarted(gap, before, after, with_clock=gap.offset in self._resets)
             return
         self._stats.lost += gap.missing
-        begin = int(offsets[at - 1]) if 0 < at <= len(offsets) else self._last_offset
-        self._events.gap(gap, before, after, self._requested(begin, gap.offset) or self._cause(rejects))
+        begin = int(offsets[at - 1]) if 0 < at <= len(offsets) else self.last_offset
+        spacing = max(1.0, self._stats.bytes.total / max(1, self._stats.numbered + self._stats.lost))
+        damaged = (gap.offset - begin) / spacing - 1 if self.damaged_at > begin else 0.0
+        cause = self._requested(begin, gap.offset) or self._cause((before, after), damaged / gap.missing)
+        self._events.gap(gap, before, after, cause)
 
     def end(self) -> None:
         """End a drain with samples; report pauses on request that no counter has shown."""
@@ -110,8 +124,8 @@ class LossReporter:
                 self._stats.gaps += 1
                 self._events.pause(before, float(hosts[at]), words)
         self._explained.clear()
-        self._last_offset = int(offsets[-1])
-        self.interruptions = [one for one in self.interruptions if one[0] > self._last_offset]
+        self.last_offset = int(offsets[-1])
+        self.interruptions = [one for one in self.interruptions if one[0] > self.last_offset]
         self.last_time = float(hosts[-1])
 
     def _requested(self, begin: int, end: int) -> LossCause | None:
@@ -124,12 +138,23 @@ class LossReporter:
         reasons += [self.changes.standing] if self.changes.standing is not None else []
         return LossCause("request", max(reasons)[1]) if reasons else None
 
-    def _cause(self, rejects: int) -> LossCause:
-        """Cause of a loss, as far as it can be determined on this host; a cause that is only possible is called so."""
-        if self._now() - self._stats.left_out_at < LEFT_OUT_S:
+    def _cause(self, span: tuple[float, float], damaged: float) -> LossCause:
+        """Cause of a loss, as far as it is measured on this host; a cause that is only possible is called so.
+
+        Args:
+            span: host times of the samples before and after it.
+            damaged: share of their bytes that arrived in between and failed their checks.
+        """
+        t0, t1 = span[0] - LEFT_OUT_S, span[1] + LEFT_OUT_S
+        if any(since <= t1 and until >= t0 for since, until in self._stats.left_out_spans):
             return LossCause("host", "this host could not decode them in time and left bytes out.")
-        if rejects:
+        if damaged >= DAMAGED_SHARE:
             return LossCause("wire", "bytes in between failed their checks, so they were damaged on their way here.")
+        if damaged:
+            words = "bytes in between failed their checks, but too few for all of them: the others did not arrive."
+            return LossCause("unknown", words)
+        if self._drops > self._drops_before:
+            return LossCause("host", "this host's receive buffer was full, and datagrams were dropped.")
         if self._kind == "udp":
             return LossCause("network", "datagrams did not arrive. The network, this host or the device dropped them.")
         load = link_load(self._stats, self._capacity, self._now())

@@ -6,6 +6,7 @@ that is being configured does not measure) is not counted, nor is time in which 
 then waits to be read.
 """
 
+from collections import deque
 from collections.abc import Sequence
 
 SILENT_S = 0.8
@@ -13,6 +14,7 @@ SLOW_FACTOR = 3.0  # a device that sends every 2 s is silent after 6 s
 FEW_CHUNKS = 3  # with fewer chunks the usual interval is not known, and the limit is:
 FEW_CHUNKS_S = 3.0
 SLOWEST_S = 10.0
+MAX_PAUSES = 256  # of a minute
 WATCHED_S = 0.25  # between two checks of a process that runs; they are due every 0.1 s, or 0.2 s without viewers
 LINK_SILENT_HINT = "Check that the device is powered and in measurement state; it is shown again when it sends."
 
@@ -23,6 +25,9 @@ class SilenceWatchdog:
     Args:
         least_s: shortest limit.
         first_s: limit while the usual interval is not known.
+
+    Attributes:
+        pauses: beginning and end of the latest times in which this process did not run, unix s.
     """
 
     def __init__(self, least_s: float = SILENT_S, first_s: float = FEW_CHUNKS_S) -> None:
@@ -33,6 +38,7 @@ class SilenceWatchdog:
         self._suppressed_until = 0.0
         self._since, self._checked_at = 0.0, 0.0  # of the last check, unix s
         self._unwatched = 0.0  # time without checks since then, s
+        self.pauses: deque[tuple[float, float]] = deque(maxlen=MAX_PAUSES)
 
     def note_chunk(self, arrival: float, before: float | None) -> None:
         """Note a received chunk; both unix s, `before` None for the first one."""
@@ -65,6 +71,8 @@ class SilenceWatchdog:
         if since != self._since:
             self._since, self._unwatched = since, 0.0
         self._unwatched += max(0.0, now - max(self._checked_at, since) - WATCHED_S)
+        if self._checked_at and now - self._checked_at > WATCHED_S:
+            self.pauses.append((self._checked_at, now))
         self._checked_at = now
         return 0.0 if self.suppressed else now - since - self._unwatched
 

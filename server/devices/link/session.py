@@ -317,11 +317,12 @@ class Session:
 
     def _receive(self, chunks: list[Chunk]) -> None:
         arrivals = [chunk.arrival_ns / 1e9 for chunk in chunks]
+        before = self._stats.last_arrival or arrivals[0]
         self._silence.note_chunks(arrivals, self._stats.last_arrival)
         self._stats.count_chunks([len(chunk.data) for chunk in chunks], arrivals)
         self._diagnostics.on_chunks(chunks)
         self._pipeline.put_all(chunks)
-        self._left_out.update(self._link.flow.dropped, self._sink.now())
+        self._left_out.update(self._link.flow.dropped, self._sink.now(), (before, arrivals[-1]))
         self._stalled, self._ticks_since_bytes = False, 0
 
     def drain(self, *, final: bool = False) -> bool:
@@ -477,7 +478,7 @@ class Session:
 
     def health_of_all(self, now: float) -> list[wire.DeviceHealth]:
         """The figures for the page of every device on the link."""
-        reports = self.devices.health_of_all(now, self._link.capacity)
+        reports = self.devices.health_of_all(now, self._link.capacity, self._silence.pauses)
         decoding = self.behind(now)
         for one in reports:
             one.behind.decoding = decoding

@@ -88,7 +88,9 @@ def test_an_orientation_reset_is_stored_with_nothing_between(http: Client) -> No
     frames = sent(http, since)
     assert frames[:4] == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
     assert {"ReqAlignmentRotation"} == {name for name in frames[4:] if "Rotation" in name or "Orientation" in name}
-    stored = http.get("/api/devices/1/values").json()["values"]["AlignmentRotation.RotLocal"]
+    body = http.get("/api/devices/1/values").json()
+    assert body["ports"] == ["PortConfig.words.0", "PortConfig.words.1"], "both have the rate of the link"
+    stored = body["values"]["AlignmentRotation.RotLocal"]
     assert stored != before, "the form has the new one without being asked"
     assert http.get("/api/devices/1/jobs").json()["unfinished"] == ""
     assert read(http)["AlignmentRotation.RotLocal"] != before

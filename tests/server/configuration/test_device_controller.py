@@ -49,6 +49,21 @@ async def test_values_rounded_by_the_device_are_reported_per_field(tmp_path: Pat
         ]
 
 
+async def test_an_expected_refusal_is_not_a_warning(tmp_path: Path) -> None:
+    """ReqDID to a measuring MTi was a yellow Error in the traffic log and in the events, at every read."""
+    async with house_of("sim:xbus?rate=20", tmp_path, is_read=True) as (here, desk):
+        answers = [entry for entry in desk.log.tail(limit=2000) if entry.name == "Error"]
+        events = [one for one in here.telemetry.bus.events_since(0) if (one.data or {}).get("message") == "Error"]
+        assert {one.level for one in [*answers, *events]} == {"info"}
+        assert answers
+        assert events
+        desk.add("Send", partial(here.desks.jobs.raw, data=bytes.fromhex("faff1200ef")))  # ReqFWRev
+        await until(
+            lambda: [entry.name for entry in desk.log.tail() if entry.level == "warning"] == ["Error"],
+            "a warning for the bytes of a user",
+        )
+
+
 async def test_unchanged_values_are_not_written(tmp_path: Path) -> None:
     async with house_of("sim:xbus?rate=20", tmp_path) as (here, desk):
         await here.apply(desk, {"LocationID": {"location_id": 7}})
@@ -214,7 +229,7 @@ class Ear:
     def sent(self, frame: bytes, what: str, written_ns: int | None) -> None:
         self.written.append((frame, written_ns))
 
-    def matched(self, event: Event) -> None: ...
+    def matched(self, event: Event, *, may_refuse: bool = False) -> None: ...
 
     def add_note(self, text: str, *, error: bool = False) -> None:
         self.notes.append(text)

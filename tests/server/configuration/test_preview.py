@@ -1,5 +1,6 @@
 """Preview of arbitrary client values: problems at their fields, never an internal error; and form contents."""
 
+import re
 from typing import Any
 
 from hypothesis import given
@@ -50,6 +51,23 @@ def filled(data: st.DataObject, fields: tuple[Field, ...]) -> dict[str, Any]:
     return values
 
 
+@each_row(
+    ("field", "limited"),
+    [
+        (Field("period", "<u4"), []),
+        (Field("period", "<u4", low=0), []),
+        (Field("period", "<u4", low=200), ["low"]),
+        (Field("period", "<u4", high=500), ["high"]),
+        (Field("angle", "<f4"), []),
+        (Field("angle", "<f4", low=-90.0, high=90.0), ["low", "high"]),
+        (Field("name", "ascii", (8,)), []),
+    ],
+)
+def test_the_range_of_a_type_is_not_one_of_the_setting(field: Field, limited: list[str]) -> None:
+    """Every number of the IMX had "0 to 4 294 967 295 ms" beside it."""
+    assert field_form(field).limited == limited
+
+
 @each_row("family", FAMILIES)
 def test_every_form_of_every_family_opens_and_previews(family: str) -> None:
     """A row that cannot be shown, or whose defaults cannot be encoded, would otherwise be found by users only."""
@@ -58,6 +76,10 @@ def test_every_form_of_every_family_opens_and_previews(family: str) -> None:
     forms = forms_of(present.driver, family, present.known)
     assert {row.group for row in forms.settings} | {row.group for row in forms.commands} == set(forms.groups)
     for setting in forms.settings:
+        own = f"{setting.doc} {setting.consequence}"
+        assert not (setting.after and re.search("next reset|takes effect", own, re.I)), (
+            "the form says when it takes effect"
+        )
         shown = preview_setting(present, setting.name, {})
         assert sent.dump_json(shown)
         nothing = not setting.writable or setting.partial  # to be sent

@@ -13,6 +13,7 @@ from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.isb.commands import COMMAND_ROWS
 from imuscope.protocols.isb.config_effects import line_change
 from imuscope.protocols.isb.driver import IsbDriver
+from imuscope.protocols.xbus.driver import XbusDriver
 from imuscope.server.commands import send
 from imuscope.server.configuration.change_plan import plan_command
 from imuscope.server.configuration.form_builder import forms_of
@@ -112,3 +113,23 @@ def test_the_command_line_requires_confirmation_where_the_page_does(message: str
     with pytest.raises(UsageError, match=words) as refused:
         asyncio.run(send.send(wish, DecodeOptions(), io.StringIO(), io.StringIO()))
     assert "--yes" in str(refused.value)
+
+
+@each_row(
+    ("product", "values", "ports"),
+    [
+        ("MTi-630", {"PortConfig": {"words": [0x10002, 0x1000A, 0]}}, ["PortConfig.words.0"]),
+        ("MTi-630", {"PortConfig": {"words": [0x10002, 0x10002, 0]}}, ["PortConfig.words.0", "PortConfig.words.1"]),
+        ("MTi-630", {}, []),
+        (
+            "IMX-5",
+            {"DID_FLASH_CONFIG": {"ser0BaudRate": 921_600, "ser1BaudRate": 115_200}},
+            ["DID_FLASH_CONFIG.ser1BaudRate"],
+        ),
+        ("IMX-5", {"DID_FLASH_CONFIG": {"ser0BaudRate": 921_600}}, []),
+    ],
+)
+def test_the_port_of_the_link_is_known_by_its_rate(product: str, values: dict[str, Any], ports: list[str]) -> None:
+    driver = DRIVER if product.startswith("IMX") else XbusDriver()
+    assert list(driver.own_ports(values, DeviceContext(product=product, baud=115_200))) == ports
+    assert not driver.own_ports(values, DeviceContext(product=product)), "a link without a rate has no port to mark"

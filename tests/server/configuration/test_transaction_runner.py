@@ -34,7 +34,7 @@ class NullLog:
     def sent(self, frame: bytes, what: str, written_ns: int | None) -> None:
         return
 
-    def matched(self, event: Event) -> None:
+    def matched(self, event: Event, *, may_refuse: bool = False) -> None:
         return
 
     def add_note(self, text: str, *, error: bool = False) -> None:

@@ -15,7 +15,7 @@ import {
 import { ListInput } from "./list-input";
 import { idOf, problemAt, type FormContext } from "./form-context";
 import type { FieldForm } from "../wire/form-types";
-import { joined, type Path, rangeWords, valueWords } from "./values";
+import { joined, ownRangeWords, type Path, valueWords } from "./values";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/forms";
 
@@ -59,7 +59,7 @@ export function Field({ sheet, field, path }: InputProps) {
   const title = titleOf(field);
   const row = joined(path);
   const range =
-    field.editor === "number" || field.editor === "integer" || field.editor === "vector" ? rangeWords(field) : "";
+    field.editor === "number" || field.editor === "integer" || field.editor === "vector" ? ownRangeWords(field) : "";
   const isBlock = field.editor === "list" || field.editor === "record";
   return (
     <div
@@ -72,6 +72,7 @@ export function Field({ sheet, field, path }: InputProps) {
       <div class="field-name text-sm">
         {SINGLE.has(field.editor) ? <label for={id}>{title}</label> : <span>{title}</span>}
         {field.read_only && <span class="tag">{COMMON.readOnly}</span>}
+        <OwnPort sheet={sheet} path={path} />
         {field.doc !== "" && (
           <p class="field-help dim text-xs" id={`${id}-doc`}>
             {field.doc}
@@ -92,6 +93,13 @@ export function Field({ sheet, field, path }: InputProps) {
       </div>
     </div>
   );
+}
+
+/** Marks the port that the link uses, or may use. */
+export function OwnPort({ sheet: { ports }, path }: Pick<InputProps, "sheet" | "path">) {
+  return ports.includes(joined(path)) ? (
+    <span class="tag">{ports.length === 1 ? TEXT.thisLink : TEXT.perhapsThisLink}</span>
+  ) : null;
 }
 
 /** Title of a field; bare names are converted to words. */

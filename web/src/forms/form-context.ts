@@ -21,6 +21,8 @@ export interface FormContext {
   readonly options: Readonly<Record<string, readonly string[]>>;
   /** Target of a search or a link, shown even if not basic: the name of a field, the number of a table's row; "" for none. */
   readonly sought: string;
+  /** Paths of the port that the link uses; several: one of them. */
+  readonly ports: readonly string[];
   /** Incremented when edits are discarded, so that typed texts are reset. */
   readonly epoch: number;
 }

@@ -2,7 +2,7 @@
 import { Button } from "../ui/controls/button";
 import { IconButton } from "../ui/controls/icon-button";
 import { wasAt } from "./edits";
-import { FieldEditor, FieldList } from "./field";
+import { FieldEditor, FieldList, OwnPort } from "./field";
 import type { InputProps } from "./inputs";
 import type { FormContext } from "./form-context";
 import type { FieldForm, Meaning } from "../wire/form-types";
@@ -31,6 +31,7 @@ export function ListInput({ sheet, field, path }: InputProps) {
               <summary>
                 <b>{field.axes[place] ?? place + 1}</b>
                 <span class="dim ellipsis">{summary(field, entry)}</span>
+                <OwnPort sheet={sheet} path={[...path, place]} />
                 {was(place) === null && <span class="tag">{TEXT.newEntry}</span>}
               </summary>
               {field.fields.length > 0 ? (
@@ -142,6 +143,7 @@ export function meantFields(fields: readonly FieldForm[], record: FormValues | u
       doc,
       low: meaning.low ?? field.low,
       high: meaning.high ?? field.high,
+      limited: meaning.low === null && meaning.high === null ? field.limited : ["low", "high"],
     };
   });
 }

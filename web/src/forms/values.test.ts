@@ -8,6 +8,7 @@ import {
   isReserved,
   offered,
   put,
+  ownRangeWords,
   rangeWords,
   read,
   same,
@@ -89,6 +90,14 @@ describe("texts", () => {
     expect(valueWords(flags, 0)).toBe("none");
     expect(valueWords(rate, undefined)).toBe("—");
     expect(rangeWords(field({ low: 0, high: null }))).toBe("at least 0");
+  });
+  it("name a range of the setting, and none that is only its type's", () => {
+    const word = field({ step: 1, low: 0, high: 4_294_967_295, unit: "ms" });
+    expect(ownRangeWords(word)).toBe("");
+    expect(ownRangeWords({ ...word, low: 200, limited: ["low"] })).toBe("at least 200 ms");
+    expect(ownRangeWords({ ...word, high: 500, limited: ["high"] })).toBe("0 to 500 ms");
+    expect(read(word, "5e9")).toMatchObject({ problem: expect.stringContaining("whole") });
+    expect(read(word, "5000000000")).toEqual({ problem: `${rangeWords(word)}.` });
   });
   it("show an identifier as its label does", () => {
     const id = field({ base: 16, step: 1, read_only: true });

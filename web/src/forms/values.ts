@@ -133,6 +133,16 @@ export function rangeWords(field: FieldForm): string {
   return high ? TEXT.atMost(high, unit) : "";
 }
 
+/** The range of the setting: a limit that is only its type's says nothing, but where it begins at 0. */
+export const ownRangeWords = (field: FieldForm): string =>
+  field.limited.length === 0
+    ? ""
+    : rangeWords({
+        ...field,
+        low: field.limited.includes("low") || field.low === 0 ? field.low : null,
+        high: field.limited.includes("high") ? field.high : null,
+      });
+
 function plainNumber(value: number): string {
   const text = String(Number(value.toPrecision(6)));
   return text.includes("e") ? text : number(value, text.split(".")[1]?.length ?? 0);

@@ -275,16 +275,16 @@ const STRIP_UNITS: Partial<Record<HealthKey, string>> = {
 function mountStrip(host: HTMLElement, deps: Deps): Panel {
   const why = new LiveMessage(el("span"));
   const late = new LiveText();
-  const lateTag = el("span", { class: "tag warn", hidden: "" }, late.node);
+  const lateTag = el("span", { class: "tag warn late", hidden: "" }, late.node);
   const simulated = el("span", { class: "tag", hidden: "" }, COMMON.simulated);
-  host.append(simulated, lateTag);
+  host.append(simulated);
   const items = STRIP.map((key) => {
     const [value, unit] = [new LiveText(), new LiveText()];
     const box = el("b", {}, value.node);
     host.append(el("span", about(key), box, el("span", { class: "unit" }, unit.node)));
     return { key, value, unit, box };
   });
-  host.append(why.node);
+  host.append(why.node, lateTag); // it comes and goes: what a finger aims at stays
   const due = throttle(4);
   return {
     update(now) {

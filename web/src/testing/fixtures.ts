@@ -66,6 +66,7 @@ export function field(part: Partial<FieldForm> = {}): FieldForm {
     bias: 0,
     low: null,
     high: null,
+    limited: [],
     step: null,
     default: null,
     decimals: -1,

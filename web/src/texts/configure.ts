@@ -10,6 +10,7 @@ export const TEXT = {
   inTitles: (titles: Value) => `in ${titles}`,
   andMore: (more: Value) => ` and ${more} more`,
   temporaryChange: "Temporary: reverts unless confirmed.",
+  linkAfterwards: (share: Value, rate: Value) => `Link: ${share} % of ${rate} Bd`,
   snapshotBeforeWrite: "A snapshot is saved first; values are verified after writing.",
   reasonLabel: "Reason, saved with the snapshot",
   reasonPlaceholder: "Reason (optional)",

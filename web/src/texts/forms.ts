@@ -60,6 +60,8 @@ export const TEXT = {
   // list input
   noEntry: "No entries.",
   newEntry: "new",
+  thisLink: "this link",
+  perhapsThisLink: "perhaps this link",
   entryInSentence: (place: Value) => `entry ${place}`,
   moveEntryUp: (n: Value) => `Move entry ${n} up`,
   moveEntryDown: (n: Value) => `Move entry ${n} down`,

@@ -147,7 +147,9 @@ async def test_a_host_that_did_not_read_moves_no_sample_and_is_named(monkeypatch
         cause = health.jitter_cause
         assert cause is not None
         assert cause.kind == "stalls"
-        assert cause.text == "Nothing was read for 0.3 s, then all at once: this host was likely too busy."
+        assert (
+            cause.text == "Nothing was read for 0.3 s, then all at once: this host did not run the server in that time."
+        )
         await stage.run(11)
         assert stage.health.jitter_cause is None, "after a while it is history"
 

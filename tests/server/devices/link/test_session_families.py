@@ -219,7 +219,7 @@ async def test_times_on_a_full_line_have_no_uncertainty_and_no_drift() -> None:
         await stage.run(line, 10)
         for health in stage.session.health_of_all(stage.clock()):
             assert (health.uncertainty_ms, health.drift_ppm, health.drift_bound_ppm) == (None, None, None)
-            assert health.time_presumes.startswith("the line is full")
+            assert health.time_presumes.startswith("the line is nearly full")
 
 
 async def test_losses_of_one_of_several_devices_are_its_own() -> None:

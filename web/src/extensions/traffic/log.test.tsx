@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** The traffic log beside the settings, and bytes by hand. */
 import { fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { ConfigurePage } from "../../pages/configure/page";
 import { openConfigure } from "../../testing/configure-page";
 import { newApp } from "../../testing/live-page";
@@ -18,6 +18,7 @@ test("bytes by hand are checked, asked about, sent as they are, and found in the
   };
   const page = await openConfigure("xbus", { answers });
   fireEvent.click(await waitFor(() => button("Send hex")));
+  expect(find("#byhand-why").textContent).toContain("one valid message that only asks is sent at once"); // what is checked
   const field = screen.getByLabelText("Bytes to send (hex)");
   fireEvent.input(field, { target: { value: "FA FF 0" } });
   await waitFor(() => expect(find("#byhand-why").textContent).toContain("two hex digits"));
@@ -44,6 +45,24 @@ test("bytes by hand are checked, asked about, sent as they are, and found in the
   fireEvent.input(screen.getByPlaceholderText("Name, bytes or text"), { target: { value: "gotoconf" } });
   await waitFor(() => expect(names().every((name) => /gotoconf/i.test(name ?? ""))).toBe(true));
   expect(names().slice(-2)).toEqual(["GoToConfig", "GoToConfigAck"]);
+});
+
+test("the last line of the log stays in sight when what stands under it grows", async () => {
+  let resize = (): void => {};
+  class Observer {
+    constructor(readonly changed: () => void) {}
+    observe(element: Element): void {
+      if (element.classList.contains("log-box")) resize = this.changed;
+    }
+    disconnect(): void {}
+  }
+  vi.stubGlobal("ResizeObserver", Observer);
+  await openConfigure("xbus");
+  const box = await until(".log-box");
+  Object.defineProperty(box, "scrollHeight", { value: 900 });
+  box.scrollTop = 0;
+  resize();
+  expect(box.scrollTop).toBe(900);
 });
 
 test("who may only look has no bytes to send", async () => {

@@ -1,6 +1,6 @@
 /** Every frame to and from the device, its meaning and duration; bytes by hand. */
 import { type Signal, useSignal, computed, effect, type ReadonlySignal, signal } from "@preact/signals";
-import { useLayoutEffect, useRef } from "preact/hooks";
+import { useCallback, useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/frame-chips";
 import { Button } from "../../ui/controls/button";
 import { Segmented } from "../../ui/controls/choices";
@@ -105,9 +105,15 @@ function Log({ model, wanted: { text: filter, direction } }: { readonly model: M
       (entry) => (direction.value === "all" || entry.direction === direction.value) && matches(entry, filter.value),
     )
     .slice(-MAX_ROWS);
-  useLayoutEffect(() => {
+  const follow = useCallback(() => {
     if (follows.current && box.current) box.current.scrollTop = box.current.scrollHeight;
-  });
+  }, []);
+  useLayoutEffect(follow);
+  useEffect(() => {
+    const resized = new ResizeObserver(follow); // what stands under it grows with the queue
+    if (box.current) resized.observe(box.current);
+    return () => resized.disconnect();
+  }, [follow]);
   const onScroll = (): void => {
     const at = box.current;
     if (!at) return;

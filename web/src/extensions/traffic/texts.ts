@@ -21,5 +21,7 @@ export const TEXT = {
   confirmSendBytes: "Send these bytes?",
   bytesToSend: "Bytes to send (hex)",
   bytesPlaceholder: "FA FF 30 00 D1",
-  sentUnchanged: "Sent unchanged, without a checksum added. What is known of the bytes is named before they are sent.",
+  sentUnchanged:
+    "Sent unchanged, with no checksum added. The server reads them first: one valid message that only asks is sent at once; before " +
+    "all others it says what they are, and asks you.",
 };

@@ -1,5 +1,8 @@
 /** The bar at the foot: pending changes, why they cannot be written, progress and result. */
 import { useEffect, useRef } from "preact/hooks";
+import { capacityAt } from "../../forms/budget";
+import { number } from "../../ui/format/format";
+import type { LoadInfo } from "../../wire/form-types";
 import type { Job } from "../../wire/types";
 import { Button } from "../../ui/controls/button";
 import { IconButton } from "../../ui/controls/icon-button";
@@ -37,7 +40,7 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
   const total = names.reduce((sum, name) => sum + (model.counts.value.get(name) ?? 1), 0);
   const titles = names.map((name) => model.setting(name)?.title ?? name);
   const blocked = model.blocked.value;
-  const temporary = names.some((name) => model.previews.value[name]?.line);
+  const line = names.map((name) => model.previews.value[name]).find((preview) => preview?.line);
   return (
     <div class="apply-bar" role="region" aria-label={TEXT.changesToWrite}>
       <div class="grow">
@@ -49,7 +52,8 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
           </span>
         </p>
         <p class={blocked ? "why-not" : "dim"} id="apply-why">
-          <Message text={blocked || (temporary ? TEXT.temporaryChange : TEXT.snapshotBeforeWrite)} />
+          <Message text={blocked || (line ? TEXT.temporaryChange : TEXT.snapshotBeforeWrite)} />{" "}
+          <Share of={line?.load ?? null} baud={model.baud.value} />
         </p>
       </div>
       <label class="field reason">
@@ -72,6 +76,15 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
       />
     </div>
   );
+}
+
+/** Load of the link after the change; its bar stands below the fields of the form, perhaps out of sight. */
+function Share({ of: load, baud }: { readonly of: LoadInfo | null; readonly baud: number | undefined }) {
+  const capacity = load && capacityAt(load, baud);
+  const rate = baud ?? load?.baud;
+  if (!load || !capacity || !rate) return null;
+  const tone = load.total > capacity ? "tag bad" : "";
+  return <span class={tone}>{TEXT.linkAfterwards(number((100 * load.total) / capacity, 1), number(rate, 0))}</span>;
 }
 
 function Progress({ model, id }: { readonly model: Model; readonly id: number }) {

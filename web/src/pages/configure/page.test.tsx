@@ -6,6 +6,7 @@ import { newApp } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
 import { ConfigurePage } from "./page";
 import { find, until } from "../../testing/queries";
+import type { SnapshotBody } from "../../wire/form-types";
 
 const gone = (selector: string): Promise<void> => waitFor(() => expect(document.querySelector(selector)).toBeNull());
 const button = (name: string): HTMLButtonElement => screen.getByRole("button", { name });
@@ -59,6 +60,28 @@ test("a load above the capacity is not written, and rates can be fitted", async 
   await waitFor(() => expect(find(".fit-words").textContent).toContain("→"));
   await gone(".budget-bar .excess");
   await waitFor(() => expect(button("Apply").disabled).toBe(false));
+});
+
+const ofFamily = (family: "xbus" | "isb"): SnapshotBody =>
+  recorded(family).answers["GET /api/devices/1/values"] as SnapshotBody;
+
+test.each([
+  ["xbus", "PortConfig", ["words.0"], ["this link"]],
+  ["isb", "DID_FLASH_CONFIG", ["ser0BaudRate", "ser1BaudRate"], ["perhaps this link", "perhaps this link"]],
+] as const)("the port in use of %s is marked, as far as it is known", async (family, place, ports, marks) => {
+  const values = { ...ofFamily(family), ports: ports.map((port) => `${place}.${port}`) };
+  await openConfigure(family, { place, answers: { "GET /api/devices/1/values": values } });
+  const tags = () => [...document.querySelectorAll(".setting .tag")].map(({ textContent }) => textContent);
+  await waitFor(() => expect(tags().filter((words) => words?.endsWith("this link"))).toEqual(marks));
+});
+
+/** Regression: the bar stood two screens below the rate of an IMX, and Apply beside nothing. */
+test("the load of the link at another rate stands beside Apply", async () => {
+  const load = { parts: [], total: 21_000, capacity: 11_520, baud: 115_200, limits: [], measured: null };
+  const preview = { frames: [], problems: [], load, line: "Sets serial port 0 to 115 200 Bd.", risks: [] };
+  await openConfigure("isb", { place: "DID_FLASH_CONFIG", answers: { "POST /api/devices/1/preview": preview } });
+  fireEvent.change(await until("[data-field=ser0BaudRate] select"), { target: { value: "115200" } });
+  await waitFor(() => expect(find(".apply-bar .tag.bad").textContent).toMatch(/182.3 % of 115.200 Bd/));
 });
 
 test("a row, its bytes and its share of the line are highlighted together", async () => {

@@ -129,9 +129,14 @@ export function sheetOf(model: Model, form: SettingForm): FormContext {
     hover: (path: string) => (model.hot.value = path),
     options: optionsOf(form, model.present.value),
     sought: route.value.place === form.name ? (route.value.more ?? "") : "",
+    ports: inside(form.name, model.body.value?.ports ?? []),
     epoch: model.epochs.value[form.name] ?? 0,
   };
 }
+
+/** What lies in a setting, as paths in it. */
+const inside = (setting: string, paths: readonly string[]): readonly string[] =>
+  paths.flatMap((path) => (path.startsWith(`${setting}.`) ? [path.slice(setting.length + 1)] : []));
 
 function Body({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
   const sheet = sheetOf(model, form);
