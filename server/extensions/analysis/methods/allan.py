@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import rounded
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise import noise_model
 from imuscope.server.extensions.analysis.noise.allan_deviation import allan_curve, averaging_lengths, intervals
@@ -32,7 +33,6 @@ from imuscope.server.extensions.analysis.noise.thermal_drift import ThermalDrift
 from imuscope.server.extensions.analysis.signals.rest import rest_of
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
 from imuscope.server.extensions.analysis.signals.signals import Signal
-from imuscope.server.extensions.analysis.signals.units import rounded
 
 MIN_SAMPLES = 9
 MOTION = ("exclude", "include")
