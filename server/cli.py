@@ -230,7 +230,14 @@ def _decode(options: argparse.Namespace) -> None:
     from imuscope.recordings.system.temporary_folder import TemporaryFolder
     from imuscope.server.commands.decode import DecodedPart, decode_file
 
-    part = DecodedPart(options.begin, options.end, options.device, tuple(options.signal), not options.without_position)
+    part = DecodedPart(
+        options.begin,
+        options.end,
+        options.device,
+        tuple(options.signal),
+        not options.without_position,
+        options.units,
+    )
     streamed = re.fullmatch(r"-(\..+)?", str(options.output))
     with seekable(file) as path, TemporaryFolder() if streamed else contextlib.nullcontext() as folder:
         out = folder / f"output{streamed[1] or '.csv'}" if streamed and folder else options.output
