@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.clocks.unix_time import seconds
 from imuscope.protocols.rotations import slerp
-from imuscope.signals import ImuscopeError, Signal, Units, choice, distinct, scaled
+from imuscope.recordings.columns.units import Units
+from imuscope.signals import ImuscopeError, Signal, choice, distinct
 
 Align = Literal["nearest", "interpolate"]
 MOST_VALUES = 50_000_000
@@ -50,14 +51,14 @@ def frame_of(signals: Sequence[Signal], align: Align, rate: float, units: Units)
         raise ImuscopeError(f"rate={rate!r} is no rate; give samples per second, or 0.")
     if not any(map(len, signals)):
         raise ImuscopeError("There are no samples; name signals that have some.")
+    signals = [one.in_units(units) for one in signals]
     most = max(signals, key=len)
     time_ns = _even(signals, rate) if rate else most.time_ns
     times = seconds(time_ns) if rate else _key(most)
     frame = Frame(time_ns, {}, {})
-    parts = [pair for one in signals for pair in zip(_on(one, times, align), one.scales(units), strict=True)]
-    for heading, (values, (unit, factor)) in zip(_headings(signals), parts, strict=True):
-        frame.columns[heading] = scaled(values, factor)
-        frame.units[heading] = unit
+    parts = [pair for one in signals for pair in zip(_on(one, times, align), one.units, strict=True)]
+    for heading, (values, unit) in zip(_headings(signals), parts, strict=True):
+        frame.columns[heading], frame.units[heading] = values, unit
     return frame
 
 

@@ -7,7 +7,7 @@ the others down.
 
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit, urlunsplit
@@ -115,14 +115,12 @@ class Server:
         newest = time.monotonic()
         while True:
             while not self._waiting:
-                self._receive(timeout_s)
+                self._receive(timeout_s, names)
             for batch in self._batches(self._waiting.pop(0), names):
                 yield batch
                 newest = time.monotonic()
             if timeout_s is not None and time.monotonic() - newest > timeout_s:
-                listed = ", ".join(dict.fromkeys(one.title for one in self.signals))
-                chosen = ", ".join(map(repr, names))
-                raise ImuscopeError(f"Nothing of {chosen} arrived for {timeout_s:g} s; the server sends: {listed}.")
+                raise self._silence(timeout_s, names)
 
     def close(self) -> None:
         """End the connection."""
@@ -136,13 +134,20 @@ class Server:
         except ConnectionClosed:
             raise ImuscopeError("The connection is closed: connect again.") from None
 
-    def _receive(self, timeout_s: float | None) -> None:
+    def _silence(self, timeout_s: float | None, names: Sequence[str]) -> ImuscopeError:
+        """The error for samples that do not come, which lists those that would."""
+        listed = ", ".join(dict.fromkeys(one.title for one in self.signals)) if names else ""
+        chosen = f" of {', '.join(map(repr, names))}" if names else ""
+        sends = f"; the server sends: {listed}" if listed else ""
+        return ImuscopeError(f"Nothing{chosen} arrived for {timeout_s:g} s{sends}.")
+
+    def _receive(self, timeout_s: float | None, names: Sequence[str] = ()) -> None:
         from websockets.exceptions import ConnectionClosed
 
         try:
             message = self._connection.recv(timeout_s)
         except TimeoutError:
-            raise ImuscopeError(f"Nothing arrived for {timeout_s:g} s.") from None
+            raise self._silence(timeout_s, names) from None
         except ConnectionClosed as error:
             raise ImuscopeError(f"The connection has ended: {error}.") from None
         if isinstance(message, bytes):

@@ -32,12 +32,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from imuscope.recordings.columns.units import UNITS, Units
 from imuscope.recordings.errors import near_miss
 from imuscope.signals import (
     Device,
     ImuscopeError,
     Signal,
-    Units,
     checked,
     choice,
     column_names,
@@ -240,7 +240,7 @@ class Recording:
                 "interpolate": linear between two samples, NaN across gaps and steps of the clock. Counts and flags are
                 always those of the nearest sample.
             rate: of even times, Hz; 0 for the times of the signal with the most samples.
-            units: "shown": as stored; "SI". They are in `attrs["units"]`, by column.
+            units: "shown": those of the page; "device": as sent; "SI". They are in `attrs["units"]`, by column.
 
         Raises:
             ImuscopeError: pandas is not installed, a name is unknown, or there are no samples.
@@ -388,6 +388,7 @@ class Recording:
         device: str = "",
         begin_s: float = 0.0,
         end_s: float | None = None,
+        units: Units = "shown",
     ) -> list[Path]:
         """Write a file that other programs read; its suffix selects the format, as of `imuscope decode`.
 
@@ -395,6 +396,7 @@ class Recording:
             signals: names, or one; none for all.
             device: id or name; "" for all.
             begin_s, end_s: seconds from the beginning of the recording.
+            units: of the values in tables, as of `to_pandas`.
 
         Returns:
             the files.
@@ -404,8 +406,10 @@ class Recording:
         """
         from imuscope.server.commands.decode import DecodedPart, export_columns
 
+        choice("units", units, UNITS)
         names = (signals,) if isinstance(signals, str) else signals
-        part = DecodedPart(begin_s, end_s, self._device_id(device), tuple(self[name].name for name in names))
+        chosen = tuple(self[name].name for name in names)
+        part = DecodedPart(begin_s, end_s, self._device_id(device), chosen, units=units)
         return export_columns(self._store, self.path, Path(out), part)
 
     def _device_id(self, name: str) -> str:

@@ -10,13 +10,15 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.clocks.unix_time import NO_TIME, seconds
+from imuscope.protocols.schema.units import Unit
+from imuscope.recordings.columns.units import UNITS, Units
 from imuscope.recordings.errors import ExplainedError, near_miss
 
 if TYPE_CHECKING:
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from imuscope.recordings.columns.store import ColumnStore
 
 Moment = float | datetime.datetime | np.datetime64
-Units = Literal["shown", "SI"]
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -185,34 +186,31 @@ class Signal:
         Raises:
             ImuscopeError: a column has a unit of another quantity, or none.
         """
-        from imuscope.server.extensions.analysis.signals.units import Unit
-
-        wanted = Unit.parse(unit)
+        wanted, sent = Unit.parse(unit), self.in_units("device")
         factors = []
-        for name, text in zip(self.columns, self.units, strict=True):
+        for name, text, shown in zip(self.columns, sent.units, self.units, strict=True):
             own = Unit.parse(text)
             if not text or own.dimensions != wanted.dimensions:
-                has = f"is in {text}" if text else "has no unit"
+                has = f"is in {shown}" if shown else "has no unit"
                 raise ImuscopeError(f"{self.title}.{name} {has}, which cannot be given in {unit!r}.")
             factors.append(own.factor / wanted.factor)
-        values: Floats = np.asarray(self.values, np.float64) * (factors[0] if len(factors) == 1 else np.array(factors))
+        values: Floats = np.asarray(sent.values, np.float64) * (factors[0] if len(factors) == 1 else np.array(factors))
         return values
 
-    def scales(self, units: Units) -> list[tuple[str, float]]:
-        """Of each column its unit, and the factor by which the stored values are in it.
+    def in_units(self, units: Units) -> Signal:
+        """The same samples in other units.
 
-        "SI" gives rad/s, rad, m/s², T and Pa; °C and units of their own stay.
+        >>> gyr.in_units("device").units
+        ('rad/s', 'rad/s', 'rad/s')
+
+        Args:
+            units: "shown": those of the page, °/s and µT; "device": those in which they were sent, bit by bit; "SI":
+                rad/s, rad, m/s², T and Pa, in 64 bits where that is a conversion. °C and units of their own stay.
         """
-        from imuscope.server.extensions.analysis.signals.units import Unit
-
-        choice("units", units, ("shown", "SI"))
-        own = [Unit.parse(text) for text in self.units]
-        if units == "shown":
-            return [(text, 1.0) for text in self.units]
-        return [
-            (text, 1.0) if unit.factor == 1 else (str(Unit(tuple(unit.dimensions.items()))), unit.factor)
-            for text, unit in zip(self.units, own, strict=True)
-        ]
+        choice("units", units, UNITS)
+        store = self._store.in_units(units)
+        [columns] = [one["columns"] for one in store.manifest["channels"] if one["id"] == self._channel]
+        return replace(self, units=tuple(columns[at]["unit"] for at in self._own), _store=store)
 
     def column(self, name: str | int) -> NDArray[Any]:
         """(n,) one column, by its name or number.
@@ -271,7 +269,7 @@ class Signal:
         ['time', 'arrival', 'x', 'y', 'z']
 
         Args:
-            units: "shown": as stored, those of the page; "SI": converted, in 64 bits.
+            units: "shown": those of the page; "device": as sent; "SI", in 64 bits where that is a conversion.
         """
         import pyarrow as pa
 
@@ -313,9 +311,8 @@ class Signal:
 
     def _columns(self, units: Units) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
         """Columns and their units, by names that differ."""
-        scales, names = self.scales(units), distinct(self.columns)
-        columns = {name: scaled(self.column(k), scales[k][1]) for k, name in enumerate(names)}
-        return columns, dict(zip(names, (unit for unit, _ in scales), strict=True))
+        own, names = self.in_units(units), distinct(self.columns)
+        return {name: own.column(k) for k, name in enumerate(names)}, dict(zip(names, own.units, strict=True))
 
     def _part(self, start: int, stop: int) -> Signal:
         return replace(self, start=start, stop=max(start, stop))
@@ -357,11 +354,6 @@ def _unix_of(moment: Moment, origin: float) -> float:
     if isinstance(moment, (int, float, np.integer, np.floating)):
         return origin + float(moment)
     raise ImuscopeError(f"{moment!r} is no moment: give seconds from the beginning, or a datetime.")
-
-
-def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
-    """The values in another unit: in 64 bits, or as they are."""
-    return values if factor == 1 else values.astype(np.float64) * factor
 
 
 def distinct(names: Sequence[str]) -> list[str]:

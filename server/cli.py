@@ -225,7 +225,12 @@ def _decode(options: argparse.Namespace) -> None:
     from imuscope.server.commands.decode import DecodedPart, decode_file
 
     part = DecodedPart(
-        options.begin, options.end, options.device, tuple(options.channel or ()), not options.without_position
+        options.begin,
+        options.end,
+        options.device,
+        tuple(options.channel or ()),
+        not options.without_position,
+        options.units,
     )
     streamed = re.fullmatch(r"-(\..+)?", str(options.output))
     with seekable(file) as path, TemporaryFolder() if streamed else contextlib.nullcontext() as folder:

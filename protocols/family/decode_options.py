@@ -32,8 +32,8 @@ question rate record record_head recordings_quota_gb rejects remove_unused rerun
 rollback_s ros2 ros2_axes ros2_contract ros2_covariances ros2_depth ros2_domain ros2_frames ros2_map_frame ros2_names
 ros2_namespace ros2_reliability ros2_router ros2_tf router router_config search seconds seed server share share_owners
 shares shell show signal signal_b source source_folders sources speed split_mb split_min sql square stop store sync_s
-systemd_unit tcp time_column timeout tls tls_cert tls_key to to_b token trial_s type udev_rule udp unplug_s upload_gb
-version vertical view_token webhook_hosts without_position yes
+systemd_unit tcp time_column timeout tls tls_cert tls_key to to_b token trial_s type udev_rule udp units unplug_s
+upload_gb version vertical view_token webhook_hosts without_position yes
 """
 RESERVED = frozenset(_RESERVED.split())
 """Names of the program's own options and settings, which a family cannot use."""

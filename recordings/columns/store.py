@@ -11,6 +11,8 @@ two files, mapped into memory, an index and a manifest:
 A query reads the coarsest level with at least eight summaries for each bucket: it reads a few hundred kilobytes, never
 the whole column.
 
+Values are stored as the device sent them; those in other units are converted as they are read (columns/units.py).
+
 `arrival` and `time` are whole ns. `key`, float s, is the search key in the device base: device time mapped to host
 time, or the arrival if there is none, made non-decreasing, because a sample may carry a time older than its
 neighbours'. `place` is the position of the packet in its stream: rows with the same arrival and place came in one
@@ -20,12 +22,13 @@ Stores are a cache: written to a temporary folder and renamed, never changed aft
 can be read while it is being made (`ColumnStoreWriter.show`): blocks are only added, and the index is replaced whole.
 """
 
+import copy
 import json
 import os
 import shutil
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,6 +38,7 @@ from imuscope.protocols.arrays import Array, Floats, Ints
 from imuscope.protocols.clocks.unix_time import NO_TIME, nanoseconds, seconds
 from imuscope.recordings.columns.downsampling import FAR_LEVELS, LEVELS, LevelOffsets, level_offsets, padding, reduce
 from imuscope.recordings.columns.rows import ExactRows, MinMaxBuckets, cuts
+from imuscope.recordings.columns.units import Units, described_in, scaled
 from imuscope.recordings.system import atomic_write
 
 Base = Literal["device", "arrival"]
@@ -42,7 +46,7 @@ Clock = Literal["key", "arrival", "time", "place"]
 _CLOCKS: tuple[Clock, ...] = ("key", "arrival", "time", "place")
 _EXACT = ("arrival", "time")  # whole ns
 
-VERSION = 5
+VERSION = 6
 BLOCK_ROWS = 1 << 16
 PER_BUCKET = 8  # least number of summaries in a bucket
 INDEX = np.dtype(
@@ -62,10 +66,12 @@ class ChannelLayout:
     Args:
         dtypes: as on the wire ("f4", "u2").
         status: for each, whether it is a flag word, summarised by its bits.
+        factors: for each, that from the unit in which it is stored to the one in which it is read; none if all are 1.
     """
 
     dtypes: tuple[str, ...]
     status: tuple[bool, ...]
+    factors: tuple[float, ...] = ()
 
 
 class ColumnStoreWriter:
@@ -157,7 +163,7 @@ class ColumnStoreWriter:
         self._near.file.flush()
         self._far.file.flush()
         index = np.array(self._index, INDEX) if self._index else np.empty(0, INDEX)
-        shapes = {str(number): [shape.dtypes, shape.status] for number, shape in self._shapes.items()}
+        shapes = {str(number): [one.dtypes, one.status, one.factors] for number, one in self._shapes.items()}
         sizes = {"columns.bin": self._near.at, "overview.bin": self._far.at}
         body = json.dumps({**manifest, "version": VERSION, "shapes": shapes, "sizes": sizes}, ensure_ascii=False)
         np.save(self._temporary / "next.npy", index)
@@ -233,6 +239,9 @@ class _Growing:
 class ColumnStore:
     """A store, for queries. Threads may share it.
 
+    Attributes:
+        units: those of its values and of its manifest; `in_units` has others.
+
     Args:
         folder: made by ColumnStoreWriter.
 
@@ -252,7 +261,7 @@ class ColumnStore:
         if self.manifest.get("version") != VERSION:
             raise ValueError(f"columns of version {self.manifest.get('version')}, not {VERSION}")
         shapes = self.manifest["shapes"]
-        self.shapes = {int(number): ChannelLayout(tuple(d), tuple(s)) for number, (d, s) in shapes.items()}
+        self.shapes = {int(number): ChannelLayout(*map(tuple, own)) for number, own in shapes.items()}
         index = np.load(folder / "blocks.npy")
         self._near, self._far = _mapped(folder / "columns.bin"), _mapped(folder / "overview.bin")
         self._blocks = {number: index[index["channel"] == number] for number in self.shapes}
@@ -262,6 +271,8 @@ class ColumnStore:
         self._rows = {number: int(entries["rows"].sum()) for number, entries in self._blocks.items()}
         self._own = {number: [np.dtype("<" + dtype) for dtype in shape.dtypes] for number, shape in self.shapes.items()}
         self._places: dict[int, LevelOffsets] = {}  # of the channels that were read
+        self.units: Units = "shown"
+        self._as_shown, self._views = (self.shapes, self.manifest), dict[Units, ColumnStore]()
         self._check(folder)
 
     def _check(self, folder: Path) -> None:
@@ -275,6 +286,20 @@ class ColumnStore:
                 key = self._near[at : at + 8 * n].view("<f8")
                 if (key[0], key[-1]) != (entries["key0"][block], entries["key1"][block]):
                     raise ValueError(f"columns.bin in {folder.name} does not hold what its index names")
+
+    def in_units(self, units: Units) -> "ColumnStore":
+        """The same columns in other units; so is the manifest."""
+        if units not in self._views:
+            view = self._views[units] = copy.copy(self)
+            shapes, manifest = self._as_shown
+            view.units, view.shapes, channels = units, dict(shapes), []
+            for info in manifest["channels"] if units != "shown" else ():
+                described, factors = described_in(info, shapes[info["id"]].factors, units)
+                dtypes = tuple(column["dtype"] for column in described["columns"])
+                view.shapes[info["id"]] = replace(shapes[info["id"]], dtypes=dtypes, factors=factors)
+                channels.append(described)
+            view.manifest = {**manifest, "channels": channels} if units != "shown" else manifest
+        return self._views[units]
 
     def rows(self, channel: int) -> int:
         """Number of rows of a channel."""
@@ -438,7 +463,10 @@ class ColumnStore:
             return data[at : at + 8 * n].view("<i8" if step == 1 and name in _EXACT else "<f8")
         dtype = self._own[channel][name]
         at = int(where.values[step][block, name + (len(self._own[channel]) if which and step > 1 else 0)])
-        return data[at : at + n * dtype.itemsize].view(dtype)
+        values = data[at : at + n * dtype.itemsize].view(dtype)
+        shape = self.shapes[channel]
+        factor = shape.factors[name] if shape.factors else 1.0
+        return values if factor == 1 else scaled(values.astype(shape.dtypes[name], copy=False), factor)
 
 
 def _mapped(path: Path) -> Array:

@@ -49,6 +49,8 @@ def export(export_format: str, request: ExportRequest, out: Path, step: ExportSt
             f"{FORMATS[export_format].title} files need packages that are not installed.",
             f"Add them: {installation_of(FORMATS[export_format].extra)}.",
         )
+    if request.columns.units != "shown" and not FORMATS[export_format].takes_units:
+        raise ExportError(f"{FORMATS[export_format].title} files have units of their own.", "Leave out the units.")
     if out.is_dir():
         raise ExportError(f"{out.name} is a folder that exists.", "Give another name, or remove it first.")
     temporary = out.parent / f".{secrets.token_hex(6)}.export"

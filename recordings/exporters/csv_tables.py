@@ -4,8 +4,8 @@
     1760000000.012300000,1760000000.015100000,17,-0.03421,…
 
 A number has as many digits as needed to read back the same float32 or float64; NaN is `nan`, infinity `inf`; a cell for
-which the device sent nothing is empty. Times are unix seconds, to the nanosecond. Units are those of the page (angular
-rates in °/s). Undescribed payloads are hex digits.
+which the device sent nothing is empty. Times are unix seconds, to the nanosecond. Units are those of the request.
+Undescribed payloads are hex digits.
 """
 
 import csv

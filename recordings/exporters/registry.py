@@ -31,6 +31,8 @@ class ExportFormat:
         protocol: of the devices whose bytes it can hold; "" for any.
         modules: of packages that a smaller installation may lack (recordings/optional_packages.py).
         extra: what brings them.
+        takes_units: whether its values can be in the units of the page, in SI or as sent (recordings/columns/units.py);
+            otherwise its units are its own.
         per_byte: rough size, for each byte of a driving recording, until it is measured.
     """
 
@@ -43,6 +45,7 @@ class ExportFormat:
     words: str = ""
     needs_source: bool = False
     protocol: str = ""
+    takes_units: bool = False
     per_byte: float = 1.0
     modules: tuple[str, ...] = ()
     extra: str = ""

@@ -90,6 +90,8 @@ def numbers(column: pa.Array, decimal: str = ".") -> Cells:
     import pyarrow as pa
     import pyarrow.compute as pc
 
+    if pa.types.is_floating(column.type):
+        return Cells(column.to_numpy(), np.empty(0, np.int64))
     trimmed = pc.utf8_trim_whitespace(column)
     if decimal == ",":
         trimmed = pc.replace_substring(pc.replace_substring(trimmed, ".", ""), ",", ".")
@@ -162,7 +164,8 @@ def of_nanoseconds(column: pa.Array) -> Floats | None:
     import pyarrow.compute as pc
 
     try:
-        whole = pc.cast(pc.utf8_trim_whitespace(column), pa.int64())
+        text = column if pa.types.is_floating(column.type) else pc.utf8_trim_whitespace(column)
+        whole = pc.cast(text, pa.int64())
     except pa.ArrowInvalid:
         return None
     return seconds(whole.fill_null(NO_TIME).to_numpy(zero_copy_only=False))

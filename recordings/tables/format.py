@@ -96,6 +96,11 @@ class TableFormat:
     unused: int = 0
     odd_units: Mapping[int, str] = field(default_factory=dict)
 
+    def bytes_of_numbers(self, size: int) -> float:
+        """Bytes of a float64 for each cell of such a file of this size."""
+        cells = sum(map(len, self.sample))
+        return 8 * size * cells / (sum(len(cell) for row in self.sample for cell in row) + cells) if cells else 0.0
+
     @property
     def started(self) -> float | None:
         """Start time in the head, unix s; None without one, or if its day may be its month."""

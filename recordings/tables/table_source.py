@@ -12,11 +12,12 @@ Times that are not since 1970 are counted from the date in the file's name, else
 `arrival` beside them is taken as the arrival time. A cell that is not a number is empty, and reported.
 """
 
+import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -36,6 +37,7 @@ from imuscope.recordings.tables.clocks.steps import ClockWatch, periods_of
 from imuscope.recordings.tables.dates import cells_of
 from imuscope.recordings.tables.format import TableFormat, format_of, is_number, renamed
 from imuscope.recordings.tables.headings import ColumnHeading, unique
+from imuscope.recordings.tables.number_blocks import BLOCK_BYTES, HELD_BYTES, FirstPass, is_fast, lines_of, numbers_in
 from imuscope.recordings.tables.options import TableOptions
 from imuscope.recordings.tables.time_units import SPELLINGS, UNITS
 from imuscope.recordings.tables.unreadable_cells import UnreadableCells
@@ -47,7 +49,6 @@ if TYPE_CHECKING:  # imported where a CSV file is read, so that a server starts 
 
 DEVICE = "1"
 SEGMENT = "segment"
-BLOCK_BYTES = 4 << 20
 SORTED_BYTES = 64 << 20  # of a table whose rows are sorted by their times
 NOW_S = 86_400.0  # by which a file's clock may be behind the times in it
 _RATE = re.compile(r"^\s*(\d+(?:\.\d+)?)\s*(Hz|ms|sps)?\s*$", re.IGNORECASE)
@@ -159,6 +160,7 @@ class CsvSource(TableSource):
         self.refusal: RecordingError | None = None
         self._unreadable = UnreadableCells(lambda i: self.headings[i].text or self.names[i])
         self._timeless = 0  # rows with numbers but without a time
+        self._first_pass = FirstPass()
         cells = (cells_of(self.form.sample, i) for i in range(len(self.headings)))
         self._hexadecimal = {i for i, some in enumerate(cells) if are_hexadecimal(some)}
         self.arrival_column = next((i for i, one in enumerate(self.headings) if one.name.lower() == "arrival"), None)
@@ -244,7 +246,7 @@ class CsvSource(TableSource):
         parsed = known = 0  # rows, and those with a time
         held: list[TableRows] = []
         try:
-            for batch in self._batches(self.names, odd):
+            for batch in self._first_pass.batches(odd, self.damage) or self._batches(self.names, odd):
                 done += batch.nbytes
                 rows = self._converted(batch, axis, parsed, known, min(done / size, 1.0))
                 parsed, known = parsed + len(batch), known + int(np.isfinite(rows.time).sum())
@@ -282,9 +284,15 @@ class CsvSource(TableSource):
         if clock.kind == "rows":
             return watch
         names = [self.names[column] for column in clock.columns]
+        places: Sequence[int] = range(len(names))
         first_odd, held, packets = "", list[Floats](), self._packets(axis)
-        for batch in self._batches(names, [], list[FileDamage]()):
-            columns = [batch.column(i) for i in range(len(names))]
+        first_pass = self._first_pass = FirstPass()
+        if is_whole := self._may_be_numbers() and self.form.bytes_of_numbers(self.path.stat().st_size) < HELD_BYTES:
+            names, places = self.names, clock.columns
+        for batch in self._batches(names, first_pass.odd, first_pass.damage):
+            if is_whole:
+                first_pass.add(batch)
+            columns = [batch.column(i) for i in places]
             cells = times_of(clock, columns, self.form.decimal)
             if len(cells.odd) and not first_odd:
                 row = int(cells.odd[0])
@@ -311,35 +319,54 @@ class CsvSource(TableSource):
     def _batches(
         self, names: Sequence[str], odd: list[Any], damage: list[FileDamage] | None = None
     ) -> "Iterator[pa.RecordBatch]":
-        """Columns of the table as text."""
+        """Columns of the table: of a block of rows without anything else as numbers, else as text."""
         import pyarrow as pa
-        import pyarrow.csv
 
         noted = self.damage if damage is None else damage
-
-        def skip(row: Any) -> str:
-            odd.append(row)
-            return "skip"
-
-        reading = pa.csv.ReadOptions(
-            block_size=BLOCK_BYTES, skip_rows=self.form.skip, column_names=self.names, use_threads=False
-        )
-        parsing = pa.csv.ParseOptions(
-            delimiter=self.form.separator, invalid_row_handler=skip, newlines_in_values=self.form.has_lines
-        )
-        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(self.names, pa.string()), include_columns=list(names))
         try:
-            with (
-                open_regular(self.path) as file,
-                pa.csv.open_csv(
-                    Utf8(file, noted, self.form.marks, squeeze=self.form.separator == " "), reading, parsing, types
-                ) as reader,
-            ):
-                yield from reader
+            with open_regular(self.path) as file:
+                block = b""
+                for block in lines_of(file, self.form.skip) if self._may_be_numbers() else ():
+                    numbers = numbers_in(block, self.form.separator, self.names, names)
+                    if numbers is None:
+                        yield from self._texts(io.BytesIO(block), 0, names, odd, noted)
+                    elif len(numbers):
+                        yield numbers
+                if not block:
+                    file.seek(0)
+                    yield from self._texts(file, self.form.skip, names, odd, noted)
         except pa.ArrowInvalid as error:
             if self.form.sample:
                 words = f"Not a table from some line on: {str(error).splitlines()[0][:200]}"
                 noted.append(FileDamage(-1, words))
+
+    def _may_be_numbers(self) -> bool:
+        """Whether rows of plain numbers can be read as such."""
+        form = self.form
+        clocks = [self.axis.clock, *self.axis.others] if self.axis is not None else []
+        are_numbers = all(one.base == 10 and one.kind not in ("text", "date+time") for one in clocks)
+        is_plain = form.decimal == "." and form.separator != " " and not (form.marks or form.has_lines)
+        return are_numbers and is_plain and not self._hexadecimal and is_fast()
+
+    def _texts(
+        self, file: BinaryIO, skip: int, names: Sequence[str], odd: list[Any], damage: list[FileDamage]
+    ) -> "Iterator[pa.RecordBatch]":
+        """The columns as text."""
+        import pyarrow as pa
+        import pyarrow.csv
+
+        def leave_out(row: Any) -> str:
+            odd.append(row)
+            return "skip"
+
+        reading = pa.csv.ReadOptions(block_size=BLOCK_BYTES, skip_rows=skip, column_names=self.names, use_threads=False)
+        parsing = pa.csv.ParseOptions(
+            delimiter=self.form.separator, invalid_row_handler=leave_out, newlines_in_values=self.form.has_lines
+        )
+        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(self.names, pa.string()), include_columns=list(names))
+        text = Utf8(file, damage, self.form.marks, squeeze=self.form.separator == " ")
+        with pa.csv.open_csv(text, reading, parsing, types) as reader:
+            yield from reader
 
     def _converted(
         self, batch: "pa.RecordBatch", axis: TimeAxis, parsed: int, known_before: int, done: float
@@ -360,8 +387,9 @@ class CsvSource(TableSource):
         if self.arrival_column is not None:
             arrival = self._arrivals(batch.column(self.arrival_column), axis)
             arrival = np.where(np.isnan(arrival), time, arrival)
-        known = np.isfinite(arrival) if self.is_export else has_time
-        is_filled = np.zeros(np.count_nonzero(~known), np.bool_)
+        is_known = np.isfinite(arrival) if self.is_export else has_time
+        known: Any = slice(None) if is_known.all() else is_known  # a slice copies nothing
+        is_filled = np.zeros(np.count_nonzero(~is_known), np.bool_)
         columns: dict[str, tuple[Floats, str]] = {}
         for i, (name, heading) in enumerate(zip(self.names, self.headings, strict=True)):
             if i in (*clock.columns, self.arrival_column, self._segment) or i in self.left_out:
@@ -378,7 +406,8 @@ class CsvSource(TableSource):
             self._unreadable.note(i, batch.column(i), matches, parsed)
             scale, unit = self._scales[i]
             columns[name] = (matches.values[known] * scale if unit else matches.values[known], unit or heading.unit)
-            is_filled |= np.isfinite(matches.values[~known])
+            if len(is_filled):
+                is_filled |= np.isfinite(matches.values[~is_known])
         self._timeless += int(np.count_nonzero(is_filled))
         if axis.keeps_clock:
             columns[f"{axis.name} (clock)" if axis.name in columns else axis.name] = (raw[known], "s")

@@ -51,7 +51,7 @@ class UnreadableCells:
 
     def sentence(self, clock: Collection[int] = ()) -> str:
         """A sentence on the cells of columns of numbers and of the clock; "" if there are none."""
-        listed = [(self._name(i), *one) for i, one in self._texts.items() if i in self._numeric or i in clock]
+        listed = [(self._name(i), *one) for i, one in sorted(self._texts.items()) if i in self._numeric or i in clock]
         if not listed:
             return ""
         wrong = sum(count for _, count, _, _ in listed)
@@ -66,7 +66,7 @@ class UnreadableCells:
         """A sentence on whole numbers that are rounded; "" if none are."""
         if not self._rounded:
             return ""
-        listed = ", ".join(f"{self._name(i)} ({text:.40})" for i, text in self._rounded.items())
+        listed = ", ".join(f"{self._name(i)} ({text:.40})" for i, text in sorted(self._rounded.items()))
         return f"Whole numbers beyond 2⁵³ are rounded: {listed}."
 
     def texts(self) -> dict[int, str]:

@@ -16,6 +16,7 @@ from typing import Any, TextIO
 
 from imuscope.protocols.registry.families import remedies
 from imuscope.recordings.columns.store import ColumnStore
+from imuscope.recordings.columns.units import Units
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS, ExportRequest, by_suffix, export
 from imuscope.recordings.importers.open_file import open_file
@@ -68,6 +69,7 @@ class DecodedPart:
         device: "" for all, or for the only one.
         channels: names; () for all.
         with_position: false: an output that can leaves out everything that reveals where it was recorded.
+        units: of the values.
     """
 
     begin_s: float = 0.0
@@ -75,6 +77,7 @@ class DecodedPart:
     device: str = ""
     channels: tuple[str, ...] = ()
     with_position: bool = True
+    units: Units = "shown"
 
 
 def decode_file(
@@ -144,6 +147,8 @@ def _written(
     export_format, output = _format_of(out, with_position=part.with_position)
     request = _export_request(columns, path, part)
     if output is not None:
+        if part.units != "shown":
+            raise UsageError(f"{output.title.partition(':')[0]} has units of its own; leave out --units")
         return output.write(request, out, step, with_position=part.with_position)
     assert export_format is not None  # the suffix was checked
     return export(export_format, request, out, step)
@@ -212,6 +217,7 @@ def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> Expo
         listed = ", ".join(f"{one} ({name})" for one, name in devices.items())
         raise UsageError(f"{path.name} has no device {part.device!r}; it has: {listed}")
     t0, t1 = time_range_of(columns, path.name, part.begin_s, part.end_s)
+    columns = columns.in_units(part.units)
     if not part.channels:
         return ExportRequest(columns, path, path.name, t0, t1, device=part.device)
     kinds = [*manifest["channels"], *manifest.get("payloads", ())]

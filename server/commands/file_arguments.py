@@ -81,6 +81,12 @@ def add_decode(add_parser: AddParser, outputs: str) -> argparse.ArgumentParser:
         "--channel", action="append", metavar="NAME", help="channel to decode; may be repeated (default: all)"
     )
     command.add_argument(
+        "--units",
+        choices=("shown", "SI", "device"),
+        default="shown",
+        help="of tables: as on the page (°/s, µT), in SI (rad/s, T) or as the device sent them (default: %(default)s)",
+    )
+    command.add_argument(
         "--without-position",
         action="store_true",
         help="evidence (.html) leaves out everything that reveals where it was recorded",

@@ -159,6 +159,7 @@ class ExportSelection:
 class ExportJobRequest(ExportSelection):
     format: str  # a name of ExportCapability
     device: str = ""  # for formats of one device
+    units: Literal["shown", "SI", "device"] = "shown"  # of the values, if the format takes them
 
 
 @dataclass(slots=True)

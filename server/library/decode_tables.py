@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.protocols.clocks.unix_time import nanoseconds
 from imuscope.recordings.columns.store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import damage_of, remark
@@ -58,11 +59,15 @@ class _Tables:
         if plan is None:
             plan = self._plans[form] = self._begin(rows)
         before = self.counts.get(rows.table, 0)
-        place = np.arange(before, before + len(rows.time))
+        place = np.arange(before, before + len(rows.time), dtype=np.float64)
+        arrival = nanoseconds(rows.arrival)
+        time = arrival if np.array_equal(rows.time, rows.arrival) else nanoseconds(rows.time)
         for number, headings in plan:
             columns = [rows.columns[name][0] for name in headings]
-            there: Any = ~np.isnan(columns).all(axis=0) if self._is_export else slice(None)
-            every = [rows.arrival[there], rows.time[there], *(column[there] for column in columns)]
+            there: Any = slice(None)
+            if self._is_export and np.isnan(columns[0]).any():
+                there = ~np.isnan(columns).all(axis=0)
+            every = [arrival[there], time[there], *(column[there] for column in columns)]
             self._writer.append(number, every, place[there])
             if number not in self._filled and any(np.isfinite(column).any() for column in columns):
                 self._filled.add(number)

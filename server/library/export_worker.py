@@ -58,7 +58,7 @@ def _failed(error: OSError) -> tuple[str, str]:
 def request_of(message: dict[str, Any]) -> ExportRequest:
     """The export request of a message on standard input."""
     return ExportRequest(
-        ColumnStore(Path(message["store"])),
+        ColumnStore(Path(message["store"])).in_units(message.get("units", "shown")),
         Path(message["source"]),
         message["title"],
         -math.inf if message["t0"] is None else message["t0"],

@@ -30,6 +30,7 @@ def list_capabilities() -> Capabilities:
                 suffix=one.suffix,
                 single=one.needs_source,
                 protocol=one.protocol,
+                takes_units=one.takes_units,
                 per_byte=one.per_byte,
             )
             for name, one in FORMATS.items()

@@ -15,6 +15,7 @@ from imuscope.protocols.arrays import Array, Floats, Ints
 from imuscope.protocols.clocks.unix_time import seconds
 from imuscope.protocols.events import Batch
 from imuscope.protocols.schema.layouts import Layout, LazyColumns
+from imuscope.recordings.columns.units import scaled
 from imuscope.server.streaming.ring_kernel import DIVIDE, MULTIPLY
 from imuscope.server.wire import ChannelInfo
 
@@ -91,9 +92,7 @@ def values_of(batch: Batch, cut: ColumnPlan) -> list[Array]:
         out.extend(_rows(array) if cut.per_sample != 1 or table_of(array) is not None else numbers_of(array))
     if not cut.factors:
         return out
-    # A Python number preserves float32; integers become float64. The largest float32 in °/s is infinite.
-    with np.errstate(over="ignore"):
-        return [_scaled(column, factor) if factor else column for column, factor in zip(out, cut.factors, strict=True)]
+    return [scaled(column, factor) if factor else column for column, factor in zip(out, cut.factors, strict=True)]
 
 
 def copies_of(columns: Mapping[str, Array], plan: ColumnPlan, info: ChannelInfo) -> Copies | None:
@@ -112,16 +111,11 @@ def copies_of(columns: Mapping[str, Array], plan: ColumnPlan, info: ChannelInfo)
             factor = plan.factors[len(places)] if plan.factors else 0.0
             if info.columns[len(places)].dtype != native.str[1:] or (factor and native.str[1:] not in ("f4", "f8")):
                 return None
-            divides = 0 < factor < 1 and (1 / factor).is_integer()  # as _scaled
+            divides = 0 < factor < 1 and (1 / factor).is_integer()  # as `scaled`
             operation = (DIVIDE if divides else MULTIPLY) if factor else 0
             places.append((offset + k * dtype.itemsize, dtype.itemsize, dtype != native, operation))
             factors.append(float(native.type(round(1 / factor) if divides else factor)) if factor else 0.0)
     return columns.layout, np.array(places, np.int64).T.copy(), np.array(factors)
-
-
-def _scaled(column: Array, factor: float) -> Array:
-    """A column in another unit. Divides where exact: 99 990 mm are 99.99 m, times 0.001 it is 99.99000000000001."""
-    return column / round(1 / factor) if factor < 1 and (1 / factor).is_integer() else column * factor
 
 
 def numbers_of(array: Array) -> list[Array]:

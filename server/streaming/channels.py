@@ -13,7 +13,8 @@ is that of the array. The division of a batch is computed once per message layou
 layouts occur thousands of times.
 
 The page shows °/s for rad/s, µT for T and metres for millimetres: `SHOWN` is the only place where wire units are
-converted to page units, for every family. Files and `inspect` use wire units.
+converted to page units, for every family. Files and `inspect` use wire units; so does the store of a recording, whose
+columns are converted as they are read (recordings/columns/units.py).
 
 Unknown payloads are not numbers; they are shown as bytes (server/streaming/unknown_payloads.py).
 
@@ -72,13 +73,15 @@ class ChannelRegistry:
     Args:
         device: DeviceInfo.id.
         advertise: called once for each new channel with its description (id 0); returns the id.
+        as_sent: values stay in the units in which the device sends them; descriptions have those of the page, too.
 
     Attributes:
         is_full: `MAX_CHANNELS` is reached; further channels are not created.
     """
 
-    def __init__(self, device: str, advertise: Advertise) -> None:
+    def __init__(self, device: str, advertise: Advertise, *, as_sent: bool = False) -> None:
         self.device = device
+        self._as_sent = as_sent
         self._advertise = advertise
         self._plans: dict[tuple[int, bool], tuple[Message, list[ColumnPlan]]] = {}
         self._ids: dict[str, int] = {}
@@ -146,6 +149,7 @@ class ChannelRegistry:
                 if not batch.verified:  # verified and unverified samples must not share a trace
                     info.name = f"{info.name}?"  # separate name; the title is the same, and `verified` marks it
                     info.verified = False
+                factors = () if self._as_sent else factors
                 plan = ColumnPlan(0, used, rows_per_sample(batch.columns[used[0]]), factors)
                 if self._fits(batch, plan, info) and (number := self._identify(info)):
                     cuts.append(replace(plan, channel=number, copies=copies_of(batch.columns, plan, info)))
@@ -213,7 +217,7 @@ def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:
         unit, factor, fewer = SHOWN.get(column.unit, ("", 0.0, 0))
         factors.append(factor)
         if factor:
-            column.unit = unit
+            column.unit, column.sent_unit = unit, column.unit
             column.dtype = column.dtype if column.dtype in ("f4", "f8") else "f8"
             if column.decimals >= 0 or fewer < 0:
                 column.decimals = max(0, max(column.decimals, 0) - fewer)

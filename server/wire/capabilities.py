@@ -72,6 +72,7 @@ class ExportCapability:
     suffix: str  # ".csv"
     single: bool = False  # holds the bytes of one device, and no choice of channels
     protocol: str = ""  # only for devices with this protocol; "" for any
+    takes_units: bool = False  # those of the page, SI or as sent
     per_byte: float = 1.0  # rough size, for each byte of the recording, until it is measured
 
 

@@ -27,6 +27,7 @@ class ColumnInfo:
     name: str  # unique in the channel: "x", "yaw", "itow", "q0"
     dtype: Dtype
     unit: str = ""
+    sent_unit: str = ""  # in which the device sends it, if it is shown in another
     label: str = ""  # short label on the plot; "" means name
     axis: Literal["", "x", "y", "z", "w"] = ""  # determines its colour
     choices: dict[str, str] = field(default_factory=dict)

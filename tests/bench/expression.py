@@ -13,11 +13,11 @@ import sys
 
 import numpy as np
 
+from imuscope.protocols.schema.units import Unit
 from imuscope.server.extensions.analysis.expressions.expression_functions import Context
 from imuscope.server.extensions.analysis.expressions.expression_syntax import parse
 from imuscope.server.extensions.analysis.expressions.expressions import evaluate
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
-from imuscope.server.extensions.analysis.signals.units import Unit
 from tests.bench.analysis import RATE, best_s
 from tests.bench.support.report import report
 

@@ -228,12 +228,14 @@ def test_nothing_outside_imports_an_extension() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-MOST_LINES = 62_900
+MOST_LINES = 63_100
 """Of Python without families and extensions: 60 % of what there was before there were extensions, and the fork server,
-which analyses had to themselves before files from outside were read in its processes, too."""
+which analyses had to themselves before files from outside were read in its processes, too; and units, by which columns
+are converted as they are read."""
 MOST_SERVICES = MOST_IMPORTS = 25
 BEHIND_A_DOOR = (
     ROOT / "recordings" / "readers" / "formats",  # one file a format, found by its registration, as families are
+    ROOT / "recordings" / "exporters" / "formats",  # as these
     ROOT / "protocols" / "native" / "compiler",  # runs when a package is built, never in a server
 )
 

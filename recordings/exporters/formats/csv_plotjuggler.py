@@ -66,6 +66,7 @@ register_exporter(
         order=12,
         label="CSV, PlotJuggler",
         words="one table, names as in a tree",
+        takes_units=True,
         per_byte=3.0,
     )
 )

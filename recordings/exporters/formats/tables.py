@@ -19,4 +19,16 @@ for _place, (_name, _title, _suffix, _module, _label, _words, _per_byte) in enum
     )
 ):
     _write = lazy(f"imuscope.recordings.exporters.{_module}")
-    register_exporter(ExportFormat(_name, _title, _suffix, _write, 10 * _place, _label, _words, per_byte=_per_byte))
+    register_exporter(
+        ExportFormat(
+            _name,
+            _title,
+            _suffix,
+            _write,
+            10 * _place,
+            _label,
+            _words,
+            takes_units=_name != "mcap",  # its standard messages have those of their schemas
+            per_byte=_per_byte,
+        )
+    )

@@ -83,6 +83,9 @@ class ArrowSource(CsvSource):
         except SENSELESS as error:
             noted.append(FileDamage(-1, f"Damaged from some row on: {first_line(error)}."))
 
+    def _may_be_numbers(self) -> bool:
+        return False
+
     def _text_batches(self, places: Sequence[int] | None = None) -> Iterator[pa.RecordBatch]:
         """The columns as text; all of them by default."""
         import pyarrow as pa

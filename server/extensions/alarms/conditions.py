@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import NO_UNIT, Unit
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.alarms.along_time import AlongTime, is_along_time
 from imuscope.server.extensions.alarms.definitions import ExpressionCondition, FlagCondition
@@ -29,7 +30,6 @@ from imuscope.server.extensions.analysis.expressions.expression_syntax import Ca
 from imuscope.server.extensions.analysis.expressions.expressions import columns_of, evaluate, names_in
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, at_times
 from imuscope.server.extensions.analysis.signals.signals import ANGLES, EULER_ANGLES, SignalColumn, columns_named
-from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 from imuscope.server.wire import ChannelInfo, DeviceInfo
 
 MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}

@@ -155,7 +155,7 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A long CSV was a progress bar to its last row."""
-    from imuscope.recordings.tables import table_source as tabular
+    from imuscope.recordings.tables import number_blocks as tabular
     from imuscope.server.library import decode as opening
 
     monkeypatch.setattr(opening, "FIRST_SHOWN_S", 0.0)

@@ -31,6 +31,7 @@ class ListSink(EventSink):
 
     archive: SampleArchive | None = None
     reports_every_gap = True
+    stores_sent_units = False
 
     def __init__(self, now: Callable[[], float]) -> None:
         self.now = now

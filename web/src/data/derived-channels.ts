@@ -17,7 +17,7 @@ const NORM_LETTERS: readonly (readonly [words: RegExp, letter: string])[] = [
   [/vel/i, "|v|"],
 ];
 
-const PLAIN = { choices: {}, bits: [], doc: "" } as const;
+const PLAIN = { sent_unit: "", choices: {}, bits: [], doc: "" } as const;
 
 function floats(column: ColumnInfo): boolean {
   return column.dtype === "f4" || column.dtype === "f8";

@@ -7,6 +7,7 @@ export function columnInfo(part: Partial<ColumnInfo> = {}): ColumnInfo {
     name: "value",
     dtype: "f4",
     unit: "",
+    sent_unit: "",
     label: "",
     axis: "",
     choices: {},

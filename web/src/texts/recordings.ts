@@ -46,6 +46,8 @@ export const TEXT = {
   byDeviceTime: ", by device time",
   byArrivalTime: ", by arrival time",
   format: "Format",
+  units: "Units",
+  unitsOf: { shown: "As on the page", SI: "SI", device: "As sent" },
   about: (value: Value, unit: Value) => `about ${value} ${unit}`,
   roughly: (value: Value, unit: Value) => `roughly ${value} ${unit}`,
   exportState: { waiting: "waiting", failed: "failed", cancelled: "cancelled" },

@@ -10,11 +10,11 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.rotations import euler_columns
+from imuscope.protocols.schema.units import NO_UNIT, Unit
 from imuscope.recordings.columns.breaks import GAP_STEPS
 from imuscope.server.extensions.analysis.expressions.expression_syntax import Call, ExpressionError, Node
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, at_times, in_runs, on_one_axis
 from imuscope.server.extensions.analysis.signals.signals import ANGLES, grouped
-from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 
 SECOND, HERTZ, DEGREE, RADIAN = (Unit.parse(text) for text in ("s", "Hz", "°", "rad"))
 MAX_ORDER = 8

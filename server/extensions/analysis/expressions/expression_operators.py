@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import NO_UNIT, Unit
 from imuscope.server.extensions.analysis.expressions.expression_syntax import Call, ExpressionError
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, on_one_axis
-from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 
 MAX_POWER = 100  # of a unit; beyond, it is a text of digits, not a unit
 _SUMS: Mapping[str, Callable[[Any, Any], Any]] = {"+": np.add, "-": np.subtract}

@@ -19,8 +19,8 @@ import re
 from dataclasses import dataclass
 from typing import NamedTuple, NoReturn
 
+from imuscope.protocols.schema.units import NO_UNIT, SPELLINGS, SYMBOLS, Unit
 from imuscope.server.errors import DomainError
-from imuscope.server.extensions.analysis.signals.units import NO_UNIT, SPELLINGS, SYMBOLS, Unit
 
 MAX_LENGTH = 4000
 MAX_DEPTH = 60  # of parentheses

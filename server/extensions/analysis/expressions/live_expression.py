@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import Unit
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.expression_functions import (
     FUNCTIONS,
@@ -54,7 +55,6 @@ from imuscope.server.extensions.analysis.expressions.live_streams import (
 )
 from imuscope.server.extensions.analysis.signals.quantities import Quantity, number
 from imuscope.server.extensions.analysis.signals.signals import SignalColumn, grouped, meant
-from imuscope.server.extensions.analysis.signals.units import Unit
 from imuscope.server.wire import ChannelInfo
 
 LIVE = Context(zero_phase=False)

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import NO_UNIT, Unit
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.expression_functions import Context, SampleBudget, euler_angles
 from imuscope.server.extensions.analysis.expressions.expression_syntax import Node, parse
@@ -23,7 +24,6 @@ from imuscope.server.extensions.analysis.signals.signals import (
     meant,
     temperature_of,
 )
-from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 from imuscope.server.wire import ChannelInfo
 
 SIGNS = frozenset("()+-*/^<>=!,")

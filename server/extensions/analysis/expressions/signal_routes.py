@@ -2,13 +2,13 @@
 
 from pydantic import BaseModel, Field
 
+from imuscope.protocols.schema.units import SYMBOLS
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.derived_channels import DerivedChannels
 from imuscope.server.extensions.analysis.expressions.expression_functions import FUNCTIONS
-from imuscope.server.extensions.analysis.signals.units import SYMBOLS
 from imuscope.server.library.signal_definitions import MAX_NAME, MAX_TEXT, SignalDefinition
 
 router = lazy_router(tags=["signals"])

@@ -12,10 +12,10 @@ from typing import Literal
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.family.sensor_properties import SensorProperties
+from imuscope.protocols.schema.units import G, Unit, rounded
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve, intervals
 from imuscope.server.extensions.analysis.noise.noise_model import FLAT, TAIL_PROBABILITY, NoiseModel
 from imuscope.server.extensions.analysis.signals.signals import DataSheetNoise
-from imuscope.server.extensions.analysis.signals.units import G, Unit, rounded
 from imuscope.server.wire import ChannelInfo
 
 TOLERANCE = math.sqrt(2)

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import rounded
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve
 from imuscope.server.extensions.analysis.noise.thermal_drift import WALK_SHARES, blocks_of
 from imuscope.server.extensions.analysis.noise.welch import Segments, mean_spectrum, segments_for
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
-from imuscope.server.extensions.analysis.signals.units import rounded
 
 FALSE_ALARM = 1e-8  # of all bins
 LINE_VARIANCE_SHARE = 0.1  # of the Allan variance at some averaging time: a line with less changes little
@@ -75,8 +75,8 @@ def spectrum_of(values: Floats, runs: Sequence[slice], sampling: Sampling) -> Sp
     except DomainError:
         return None
     counts = [segments.count(run.stop - run.start) for run in runs]
-    frequency, psd = mean_spectrum([values[run] for run in runs], counts, sampling.rate, segments)
-    freedom = segments.degrees_of_freedom([count for count in counts if count])
+    mean = mean_spectrum([values[run] for run in runs], counts, sampling.rate, segments)
+    frequency, psd, freedom = mean.frequency, mean.psd, mean.freedom
     return Spectrum(frequency, psd, freedom, segments)
 
 

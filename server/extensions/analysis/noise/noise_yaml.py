@@ -12,9 +12,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from imuscope.protocols.schema.units import Unit
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.noise.registry import FiguresOfSignal
-from imuscope.server.extensions.analysis.signals.units import Unit
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
+from imuscope.protocols.schema.units import G, Unit, rounded
 from imuscope.server.extensions.analysis.noise.allan_deviation import AllanCurve
 from imuscope.server.extensions.analysis.noise.disturbances import (
     STEP,
@@ -34,7 +35,6 @@ from imuscope.server.extensions.analysis.signals.companions import Companions
 from imuscope.server.extensions.analysis.signals.rest import Rest
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
 from imuscope.server.extensions.analysis.signals.signals import Signal
-from imuscope.server.extensions.analysis.signals.units import G, Unit, rounded
 
 LEAST_S = 20.0  # at rest, for any parameter
 MAX_MOVING_SHARE = 0.25  # part of the range

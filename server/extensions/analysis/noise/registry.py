@@ -12,10 +12,10 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from imuscope.protocols.family.plugins import Registry
+from imuscope.protocols.schema.units import Unit
 from imuscope.recordings.errors import near_miss
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.signals import Signal
-from imuscope.server.extensions.analysis.signals.units import Unit
 
 OWN = "unit_of_the_signal"  # a symbol while units are multiplied
 Figure = Any

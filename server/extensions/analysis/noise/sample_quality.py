@@ -18,8 +18,8 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
+from imuscope.protocols.schema.units import rounded
 from imuscope.server.extensions.analysis.signals.spikes import noise_level, spikes_in
-from imuscope.server.extensions.analysis.signals.units import rounded
 
 MAX_RESOLUTION_SAMPLES = 100_000  # samples that determine the resolution
 STUCK_S = 0.5

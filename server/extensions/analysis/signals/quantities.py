@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import NO_UNIT, Unit
 from imuscope.recordings.columns.breaks import GAP_STEPS
-from imuscope.server.extensions.analysis.signals.units import NO_UNIT, Unit
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import Unit
 from imuscope.server.extensions.analysis.signals.sampling import Sampling
 from imuscope.server.extensions.analysis.signals.signals import Signal
 from imuscope.server.extensions.analysis.signals.spikes import without_spikes
@@ -32,7 +33,6 @@ from imuscope.server.extensions.analysis.signals.stillness import (
     moving_intervals,
 )
 from imuscope.server.extensions.analysis.signals.triads import Samples
-from imuscope.server.extensions.analysis.signals.units import Unit
 
 WINDOW_S = 1.0
 MIN_WINDOW = 25  # samples: a smaller window's variance scatters too much

@@ -12,10 +12,10 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.protocols.schema.plural import counted
+from imuscope.protocols.schema.units import rounded
 from imuscope.recordings.columns.breaks import gaps_in
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.signals.signals import Signal
-from imuscope.server.extensions.analysis.signals.units import rounded
 
 MAX_JITTER_STEPS = 0.1  # of a step: larger jitter is noted
 MAX_MEDIAN_STEPS, MEDIAN_STRETCHES = 1 << 18, 64  # steps for a median, from so many stretches

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imuscope.protocols.arrays import Floats
-from imuscope.server.extensions.analysis.signals.units import Unit
+from imuscope.protocols.schema.units import Unit
 from imuscope.server.wire import ChannelInfo
 
 _NAMES: dict[str, tuple[re.Pattern[str], str]] = {

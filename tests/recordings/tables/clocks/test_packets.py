@@ -69,7 +69,7 @@ def test_a_pause_between_packets_stays_a_pause(tmp_path: Path) -> None:
 
 
 def test_packets_go_on_over_the_blocks_of_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imuscope.recordings.tables.table_source.BLOCK_BYTES", 1 << 10)
+    monkeypatch.setattr("imuscope.recordings.tables.number_blocks.BLOCK_BYTES", 1 << 10)
     path = tmp_path / "a.csv"
     path.write_text(_packets("timestamp"))
     times = np.concatenate([rows.time for rows in CsvSource(path).rows()])

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import Unit
 from imuscope.server.extensions.alarms.conditions import ExpressionJudge
 from imuscope.server.extensions.alarms.definitions import AlarmDefinition, ExpressionCondition
 from imuscope.server.extensions.alarms.instance import AlarmState
@@ -22,7 +23,6 @@ from imuscope.server.extensions.analysis.expressions.expressions import evaluate
 from imuscope.server.extensions.analysis.expressions.live_expression import RateUnknownError
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
 from imuscope.server.extensions.analysis.signals.signals import columns_named
-from imuscope.server.extensions.analysis.signals.units import Unit
 from imuscope.server.wire import ChannelInfo, ColumnInfo, DeviceInfo
 from tests.support.each_row import each_row
 from tests.support.live_signal import BEGIN, LiveSignal

@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import { timesSeconds } from "./figure-columns";
 
-/** As server/extensions/analysis/signals/units.py gives them. */
+/** As protocols/schema/units.py gives them. */
 it.each([
   ["m/s²", "m/s³", "m/s"],
   ["°/s", "°/s²", "°"],

@@ -13,7 +13,7 @@ import { ExportDialog } from "./export-dialog";
 
 const FIRST = 1_760_000_000;
 const form = (name: string, title: string): ExportCapability =>
-  ({ name, title, words: "", single: false, protocol: "" }) as unknown as ExportCapability;
+  ({ name, title, words: "", single: false, protocol: "", takes_units: name === "csv" }) as unknown as ExportCapability;
 const job: ExportJob = {
   id: 1,
   recording: "yard",
@@ -29,11 +29,13 @@ const job: ExportJob = {
 function open(): { readonly asked: readonly Asked[]; readonly store: Store } {
   const [info] = recorded("library").answers["GET /api/recordings"] as readonly RecordingInfo[];
   if (info === undefined) throw new Error("no recording was recorded");
-  const channel = (id: number, name: string): object => ({ id, name, title: "", unit: "m/s²", device: "1", group: "" });
+  const channel = (id: number, name: string, sent_unit = ""): object => {
+    return { id, name, title: "", unit: "m/s²", device: "1", group: "", columns: [{ sent_unit }] };
+  };
   const detail = {
     info,
     devices: [{ id: "1", name: "one" }],
-    channels: [channel(1, "Acceleration"), channel(2, "Velocity")],
+    channels: [channel(1, "Acceleration"), channel(2, "Velocity", "mm/s")],
   } as unknown as RecordingDetail;
   capabilities.value = { absent: [], links: [], protocols: [], exports: [form("csv", "CSV"), form("mat", "MATLAB")] };
   const asked = answering({ "POST /api/recordings/yard/exports": job });
@@ -91,4 +93,17 @@ test("a refused export says why in the dialog, over what is behind it", async ()
   vi.stubGlobal("fetch", async () => Response.json(refusal, { status: 409 }));
   fireEvent.click(screen.getByRole("button", { name: /^Export CSV/ }));
   await waitFor(() => expect(document.querySelector("dialog .problem")?.textContent).toContain("The disk is full."));
+});
+
+test("tables are written in the units that are chosen, where that makes a difference", async () => {
+  const { asked } = open();
+  fireEvent.click(screen.getByRole("button", { name: "As sent" }));
+  fireEvent.click(screen.getByRole("button", { name: /^Export CSV/ }));
+  await waitFor(() => expect(asked.at(-1)?.body).toMatchObject({ units: "device" }));
+  fireEvent.click(screen.getByRole("radio", { name: /MATLAB/ }));
+  expect(screen.queryByRole("button", { name: "As sent" })).toBeNull();
+  const again = screen.getByRole<HTMLButtonElement>("button", { name: /^Export MATLAB/ });
+  await waitFor(() => expect(again.disabled).toBe(false));
+  fireEvent.click(again);
+  await waitFor(() => expect(asked.at(-1)?.body).toMatchObject({ format: "mat", units: "shown" }));
 });

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { bytes, length, recordingTitle } from "../../recordings/library-filter";
 import { recordingsApi } from "../../recordings/api";
-import type { ExportSizes, RecordingDetail, RecordingInfo } from "../../wire/recording-types";
+import type { ExportJobRequest, ExportSizes, RecordingDetail, RecordingInfo } from "../../wire/recording-types";
 import { Button } from "../../ui/controls/button";
 import { Segmented, Select } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
@@ -26,6 +26,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const range = useSignal<ExportRange | undefined>(of.chosen);
   const left = useSignal<ReadonlySet<number>>(new Set());
   const device = useSignal("");
+  const units = useSignal<ExportJobRequest["units"]>("shown");
   const busy = useSignal(false);
   const problem = useSignal<HttpProblem | undefined>(undefined);
   const chosen = format.value;
@@ -36,6 +37,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const measured = useMeasured(of, range.value, channels);
   if (!chosen) return null;
   const devices = devicesFor(info, chosen);
+  const hasUnits = chosen.takes_units && !!detail?.channels.some(({ columns }) => columns.some((one) => one.sent_unit));
   const only = chosen.single ? (devices.find(({ id }) => id === device.value) ?? devices[0]) : undefined;
   const seconds = range.value ? range.value.t1 - range.value.t0 : (info.duration ?? 0);
   const size = (one: ExportCapability): string => {
@@ -53,6 +55,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
       channels: channels ?? null,
       device: only?.id ?? "",
       base,
+      units: hasUnits ? units.value : "shown",
     });
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) takeExport(app)(outcome.value);
@@ -96,6 +99,15 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
             value={only?.id ?? ""}
             options={devices.map((one) => [one.id, `${one.product || one.name} ${one.serial_number}`])}
             onChoose={(id) => (device.value = id)}
+          />
+        )}
+        {hasUnits && (
+          <Segmented
+            label={TEXT.units}
+            class="full-width"
+            value={units.value}
+            options={(["shown", "SI", "device"] as const).map((one) => [one, TEXT.unitsOf[one]] as const)}
+            onChoose={(one) => (units.value = one)}
           />
         )}
         {!chosen.single && detail && <Channels detail={detail} left={left} />}

@@ -8,6 +8,7 @@ const format = (part: Partial<ExportCapability> & { readonly name: string }): Ex
   suffix: ".out",
   single: false,
   protocol: "",
+  takes_units: false,
   per_byte: 1,
   ...part,
 });

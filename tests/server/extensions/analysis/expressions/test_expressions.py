@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy import signal as scipy_signal
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import SYMBOLS, Unit
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.expression_functions import FUNCTIONS, Context
@@ -21,7 +22,6 @@ from imuscope.server.extensions.analysis.expressions.live_expression import Live
 from imuscope.server.extensions.analysis.expressions.signal_request import ExpressionSignal, requested_signals
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
 from imuscope.server.extensions.analysis.signals.signals import SignalColumn
-from imuscope.server.extensions.analysis.signals.units import SYMBOLS, Unit
 from tests.support.each_row import each_row
 
 RATE = 100.0

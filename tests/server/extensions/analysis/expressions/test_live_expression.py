@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.schema.units import Unit
 from imuscope.server import wire
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.expressions.expression_functions import FUNCTIONS, Context
@@ -22,7 +23,6 @@ from imuscope.server.extensions.analysis.expressions.live_expression import Live
 from imuscope.server.extensions.analysis.expressions.live_streams import WAIT_S, Piece
 from imuscope.server.extensions.analysis.signals.quantities import Quantity
 from imuscope.server.extensions.analysis.signals.signals import columns_named
-from imuscope.server.extensions.analysis.signals.units import Unit
 from tests.support.deep_run import some
 from tests.support.each_row import each_row
 
