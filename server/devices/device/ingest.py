@@ -368,7 +368,8 @@ class Ingest:
                 self._stats.samples(f"{event.protocol} {event.name}", 1, self._sink.now())
                 self._events.text(event)
             elif isinstance(event, RejectedFrame):
-                rejects.append(event)
+                if event.reason in REFUSED or self._losses.is_new(event):
+                    rejects.append(event)
                 if event.reason not in REFUSED:
                     self._losses.damaged_at = event.offset
             elif isinstance(event, SampleGap):

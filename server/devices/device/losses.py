@@ -63,7 +63,7 @@ class LossReporter:
         self.last_time: float | None = None
         self.interruptions: list[tuple[int, tuple[int, str]]] = []
         self._explained: set[int] = set()  # positions of those that a counter has shown
-        self.last_offset = self.damaged_at = -1
+        self.last_offset = self.damaged_at = self._damaged_until = -1
         self._sender = ""
         self._old_frames = 0  # since the last accepted one
         self._doubted = 0  # missing samples by a counter that its clock contradicts, not counted
@@ -85,6 +85,16 @@ class LossReporter:
         old = (event for event in events if isinstance(event, RejectedFrame) and event.reason == "stale")
         self._note_old_frames([event for event in old if event.device in ("", self._sender)])
         self._drops_before, self._drops = self._drops, self._dropped()
+
+    def is_new(self, reject: RejectedFrame) -> bool:
+        """Whether this is another damaged frame than the one before. After a failed frame the search resumes within it,
+        where bytes may look like a beginning too.
+        """
+        at = int(np.searchsorted(self._offsets, reject.offset))
+        accepted = int(self._offsets[at - 1]) if at else self.last_offset
+        is_within = accepted <= self.damaged_at and reject.offset < self._damaged_until
+        self._damaged_until = reject.offset + reject.size if not is_within else self._damaged_until
+        return not is_within
 
     def usual(self, last_time: float, last_offset: int) -> None:
         """Process a drain of samples only, which ends there."""
