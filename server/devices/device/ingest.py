@@ -352,7 +352,7 @@ class Ingest:
         is_usual = len(batches) == len(events) and batches and self._line.timed
         if is_usual and not self._losses.interruptions:
             ends = [_last(batch, time) for batch, time in zip(batches, times, strict=True)]
-            self._losses.usual(max(ends), max(int(batch.offset[-1]) for batch in batches))
+            self._losses.usual(max(ends), max(int(batch.offset[-1]) for batch in batches), batches[-1].device)
             self._report_remapping()
             return
         offsets, hosts = _stream_order(batches, times)

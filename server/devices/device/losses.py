@@ -96,10 +96,10 @@ class LossReporter:
         self._damaged_until = reject.offset + reject.size if not is_within else self._damaged_until
         return not is_within
 
-    def usual(self, last_time: float, last_offset: int) -> None:
+    def usual(self, last_time: float, last_offset: int, sender: str) -> None:
         """Process a drain of samples only, which ends there."""
         self.last_time = last_time if self.last_time is None else max(self.last_time, last_time)
-        self.last_offset, self._drops, self._old_frames = last_offset, self._dropped(), 0
+        self.last_offset, self._sender, self._drops, self._old_frames = last_offset, sender, self._dropped(), 0
 
     def gap(self, gap: SampleGap) -> None:
         """Count and report a gap of this drain."""

@@ -160,7 +160,7 @@ def test_fewer_samples_are_those_of_another_session() -> None:
     assert window.share == 0.0
 
 
-async def test_a_damaged_frame_counts_once_whatever_its_bytes_look_like() -> None:
+async def test_a_damaged_frame_with_beginnings_in_it_counts_once() -> None:
     """Regression: each beginning of a frame among the bytes of a damaged one was one more, 147 for 140."""
 
     class Noisy:
