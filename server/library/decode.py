@@ -426,8 +426,10 @@ def _manifest(
             device: {
                 "bytes": sender.stats.bytes.total,
                 "lost": sender.stats.lost,
+                "restarts": sender.stats.restarts,
                 "gaps": sender.stats.gaps,
                 "rejects": sender.stats.rejects,
+                "rejects_by": dict(sender.stats.rejects_by),
                 "messages": {name: meter.total for name, meter in sender.stats.messages.items()},
             }
             for device, sender in figures.items()
