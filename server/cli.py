@@ -34,12 +34,13 @@ from imuscope.server.commands.common import (
     size_of,
     warn_if_interpreted,
 )
+from imuscope.server.commands.several_files import run_each
 from imuscope.server.devices.decode.decode_options import DecodeOptionError, parse_source_options, secret_text
 from imuscope.server.errors import UsageError
 from imuscope.server.services.extension import extension_commands
 from imuscope.server.settings.config import ConfigError, load
 from imuscope.server.system.end_signals import ending_by_exception
-from imuscope.server.text.printable import printable
+from imuscope.server.text.printable import json_text, printable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -65,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with ending_by_exception() if reads_file else contextlib.nullcontext():
             if options.command not in ("serve", "doctor") and getattr(options, "data", None) is not None:
                 load(data=options.data)  # an invalid folder is an error even of commands that hardly need it
-            status = (_RUN[options.command] if own is None else own.run)(options) or 0
+            status = run_each(_RUN[options.command] if own is None else own.run, options)
         sys.stdout.flush()
         return status
     except (ExplainedError, ConfigError, DecodeOptionError) as error:
@@ -191,8 +192,12 @@ def _send(options: argparse.Namespace) -> None:
 def _commands(options: argparse.Namespace) -> None:
     decode_options = decode_options_of(options)
     check_protocol(decode_options.protocol)
-    from imuscope.server.commands.commands import manual
+    from imuscope.server.commands.commands import forms, manual
+    from imuscope.server.wire.codec import to_json_safe
 
+    if options.format == "json":
+        print(json_text(to_json_safe(forms(decode_options, options.name))))
+        return
     for line in manual(decode_options, options.name):
         print(line)
 
@@ -202,7 +207,7 @@ def _rearm(options: argparse.Namespace) -> None:
 
     token = secret_text(options.token, "token") if options.token else ""
     data = load(data=options.data).data
-    print(printable(rearm(options.device, options.server, token, data)))
+    print(rearm(options.device, options.server, token, data, as_json=options.format == "json"))
 
 
 def _record(options: argparse.Namespace) -> None:
@@ -216,7 +221,8 @@ def _record(options: argparse.Namespace) -> None:
     sources = [parse_source_options(source, reading) for source in named]
     check_sources(named, reading)
     requests = tuple((source, checked_protocol(decode_options)) for source, decode_options in sources)
-    print(record(RecordRequest(requests, options.output, options.duration, data), sys.stderr))
+    request = RecordRequest(requests, options.output, options.duration, data)
+    print(record(request, sys.stderr, as_json=options.format == "json"))
 
 
 def _decode(options: argparse.Namespace) -> None:
@@ -228,7 +234,7 @@ def _decode(options: argparse.Namespace) -> None:
         options.begin,
         options.end,
         options.device,
-        tuple(options.channel or ()),
+        tuple(options.signal),
         not options.without_position,
         options.units,
     )
@@ -236,10 +242,12 @@ def _decode(options: argparse.Namespace) -> None:
     with seekable(file) as path, TemporaryFolder() if streamed else contextlib.nullcontext() as folder:
         out = folder / f"output{streamed[1] or '.csv'}" if streamed and folder else options.output
         files = decode_file(path, out, decode_options, sys.stderr, part)
-        if not folder:
+        if not folder and options.format == "json":
+            print(json_text({"file": str(file), "written": [*map(str, files)]}))
+        elif not folder:
             print(*files, sep="\n")
         elif len(files) != 1 or not files[0].is_file():
-            raise UsageError("standard output takes one file, and this makes several; name a message with --channel")
+            raise UsageError("standard output takes one file, and this makes several; name a message with --signal")
         else:
             with files[0].open("rb") as made:
                 shutil.copyfileobj(made, sys.stdout.buffer)

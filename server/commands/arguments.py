@@ -12,7 +12,7 @@ from imuscope.protocols.family.decode_options import DecodeOption, Scope
 from imuscope.protocols.family.plugins import protocol_names
 from imuscope.recordings.errors import near_miss
 from imuscope.recordings.optional_packages import installation_of
-from imuscope.server.commands.file_arguments import add_decode
+from imuscope.server.commands.file_arguments import add_decode, add_format
 from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.devices.decode.decode_options import declared_options
 from imuscope.server.services.extension import absent_extensions, add_commands, extension_commands
@@ -228,13 +228,13 @@ def _add_serve(add_parser: _AddParser, about: _Registered) -> None:
 
 def _add_ports(add_parser: _AddParser) -> None:
     command = add_parser("ports", help="list serial ports and the protocol detected on each")
-    _add_format(command, ("table", "json"), "table for people, json for programs")
+    add_format(command)
     _add_data(command)
 
 
 def _add_doctor(add_parser: _AddParser) -> None:
     command = add_parser("doctor", help="check this machine (ports, permissions, disk, clock) and suggest fixes")
-    _add_format(command, ("table", "json"), "table for people, json for programs")
+    add_format(command)
     command.add_argument("--udev-rule", action="store_true", help="print a rule for /etc/udev/rules.d instead")
     command.add_argument("--systemd-unit", action="store_true", help="print a unit for /etc/systemd/system instead")
     command.add_argument(
@@ -252,7 +252,7 @@ def _add_inspect(add_parser: _AddParser) -> None:
         default="rx",
         help="direction in a recording: rx, sent by the device (default); tx, sent to it",
     )
-    _add_format(command, ("table", "jsonl"), "table for people (the default), jsonl: one JSON object a line")
+    add_format(command, ("table", "jsonl"), "table for people (the default), jsonl: one JSON object a line")
     command.add_argument("--device", default="", metavar="D", help="device to list, if a recording has several")
     command.add_argument("--rejects", action="store_true", help="also list rejected frames")
     _add_data(command)
@@ -292,6 +292,7 @@ def _add_send(add_parser: _AddParser, about: _Registered) -> None:
 def _add_commands(add_parser: _AddParser) -> None:
     command = add_parser("commands", help="list commands and settings of the devices, with ranges and sources")
     command.add_argument("name", nargs="?", default="", metavar="NAME", help="command or setting to describe in full")
+    add_format(command)
     _add_data(command)
 
 
@@ -302,6 +303,7 @@ def _add_rearm(add_parser: _AddParser) -> None:
     command.add_argument(
         "--token", default="", metavar="TOKEN", help="control token of the server, or @FILE containing it"
     )
+    add_format(command)
     _add_data(command)
 
 
@@ -310,6 +312,7 @@ def _add_record(add_parser: _AddParser, about: _Registered) -> None:
     command.add_argument("sources", nargs="+", metavar="SOURCE", help=about.sources)
     command.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="recording to write (.mcap)")
     command.add_argument("--duration", type=float, metavar="S", help="stop after this many seconds of data")
+    add_format(command)
     _add_data(command)
 
 
@@ -350,13 +353,6 @@ def _add_completion(add_parser: _AddParser) -> None:
         "fish: imuscope completion fish > ~/.config/fish/completions/imuscope.fish",
     )
     command.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))
-
-
-def _add_format(command: argparse.ArgumentParser, known: tuple[str, str], words: str) -> None:
-    """Add the options for the output format; --json is short for the format for programs."""
-    command.add_argument("--format", choices=known, default=known[0], help=words)
-    words = f"same as --format {known[1]}"
-    command.add_argument("--json", dest="format", action="store_const", const=known[1], help=words)
 
 
 def _add_decode_options(command: argparse.ArgumentParser, name: str) -> None:

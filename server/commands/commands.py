@@ -2,6 +2,7 @@
 
     imuscope commands                              every command and setting of every protocol, a line each
     imuscope commands --protocol xbus SetPeriod    one of them: its fields with ranges, meaning and source
+    imuscope commands --json SetPeriod             the same for programs, as GET /api/commands
 
 The same rows are the forms of the page, the fields of `compose` and `send`, and GET /api/commands; this file adds no
 text of its own.
@@ -11,11 +12,14 @@ import difflib
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
+from imuscope.protocols.commands.composer import ProtocolComposer
 from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.schema.fields import Bits, Command, Field, Setting
 from imuscope.protocols.schema.shown_values import is_scaled, meant, shown_number
 from imuscope.protocols.schema.validation import bounds, is_whole
 from imuscope.server.commands.compose import ComposeError, composers
+from imuscope.server.configuration.api_models import Forms
+from imuscope.server.configuration.form_builder import forms_of
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 
 CommandListRow = Command | Setting
@@ -34,8 +38,7 @@ def manual(reading: DecodeOptions = DecodeOptions(), name: str = "") -> Iterator
     """
     tables: dict[str, list[CommandListRow]] = {
         one.name: [*one.driver.commands(DeviceContext()), *one.driver.settings(DeviceContext())]
-        for one in composers(reading).values()
-        if reading.protocol in ("", "auto", one.name)
+        for one in _composers(reading)
     }
     if not name:
         for family, rows in tables.items():
@@ -43,11 +46,39 @@ def manual(reading: DecodeOptions = DecodeOptions(), name: str = "") -> Iterator
         return
     rows_of_name = [(family, row) for family, rows in tables.items() for row in rows if row.name == name]
     if not rows_of_name:
-        names = [row.name for rows in tables.values() for row in rows]
-        near = difflib.get_close_matches(name, names, 3, 0.5)
-        raise ComposeError(f"unknown command {name!r}" + (f"; similar: {', '.join(near)}" if near else ""))
+        raise _unknown(name, [row.name for rows in tables.values() for row in rows])
     for family, row in rows_of_name:
         yield from _entry(family, row)
+
+
+def forms(reading: DecodeOptions, name: str = "") -> list[Forms]:
+    """One command or setting, or all, in each protocol that has it: as of GET /api/commands.
+
+    Raises:
+        ComposeError: no command or setting has that name.
+    """
+    known = DeviceContext()
+    every = [forms_of(one.driver, one.name, known) for one in _composers(reading)]
+    if not name:
+        return every
+    names = [
+        name for one in every for name in (*(row.name for row in one.settings), *(row.name for row in one.commands))
+    ]
+    if name not in names:
+        raise _unknown(name, names)
+    for one in every:
+        one.settings = [row for row in one.settings if row.name == name]
+        one.commands = [row for row in one.commands if row.name == name]
+    return [one for one in every if one.settings or one.commands]
+
+
+def _composers(reading: DecodeOptions) -> list[ProtocolComposer]:
+    return [one for one in composers(reading).values() if reading.protocol in ("", "auto", one.name)]
+
+
+def _unknown(name: str, names: Sequence[str]) -> ComposeError:
+    near = difflib.get_close_matches(name, names, 3, 0.5)
+    return ComposeError(f"unknown command {name!r}" + (f"; similar: {', '.join(near)}" if near else ""))
 
 
 def _overview(protocol: str, rows: Sequence[CommandListRow]) -> Iterator[str]:

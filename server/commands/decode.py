@@ -67,7 +67,7 @@ class DecodedPart:
     Args:
         begin_s, end_s: seconds from the beginning of the file.
         device: "" for all, or for the only one.
-        channels: names; () for all.
+        signals: names, titles or messages; () for all.
         with_position: false: an output that can leaves out everything that reveals where it was recorded.
         units: of the values.
     """
@@ -75,7 +75,7 @@ class DecodedPart:
     begin_s: float = 0.0
     end_s: float | None = None
     device: str = ""
-    channels: tuple[str, ...] = ()
+    signals: tuple[str, ...] = ()
     with_position: bool = True
     units: Units = "shown"
 
@@ -209,7 +209,7 @@ def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> Expo
     """The export request of a part.
 
     Raises:
-        UsageError: unknown device or channel, or a time range outside of the file.
+        UsageError: unknown device or signal, or a time range outside of the file.
     """
     manifest = columns.manifest
     devices = {one["id"]: one["name"] for one in manifest["devices"]}
@@ -218,15 +218,15 @@ def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> Expo
         raise UsageError(f"{path.name} has no device {part.device!r}; it has: {listed}")
     t0, t1 = time_range_of(columns, path.name, part.begin_s, part.end_s)
     columns = columns.in_units(part.units)
-    if not part.channels:
+    if not part.signals:
         return ExportRequest(columns, path, path.name, t0, t1, device=part.device)
     kinds = [*manifest["channels"], *manifest.get("payloads", ())]
-    names = {name: None for one in kinds for name in (one["name"], one["message"])}
-    for name in part.channels:
+    names = {name: None for one in kinds for name in (one["name"], one["message"], one["title"])}
+    for name in part.signals:
         if name not in names:
             near = difflib.get_close_matches(name, names, 5, 0.4) or list(names)[:5]
-            raise UsageError(f"{path.name} has no channel {name!r}; nearest are: {', '.join(near)}")
-    chosen = tuple(one["id"] for one in kinds if {one["name"], one["message"]} & set(part.channels))
+            raise UsageError(f"{path.name} has no signal {name!r}; nearest are: {', '.join(near)}")
+    chosen = tuple(one["id"] for one in kinds if {one["name"], one["message"], one["title"]} & set(part.signals))
     return ExportRequest(columns, path, path.name, t0, t1, chosen, part.device)
 
 

@@ -8,10 +8,31 @@ from typing import TypeAlias
 AddParser: TypeAlias = Callable[..., argparse.ArgumentParser]
 
 
-def add_file(command: argparse.ArgumentParser) -> None:
+def add_format(
+    command: argparse.ArgumentParser,
+    known: tuple[str, str] = ("table", "json"),
+    words: str = "table for people (the default), json for programs",
+) -> None:
+    """Add the options for the output format; --json is short for the format for programs."""
+    command.add_argument("--format", choices=known, default=known[0], help=words)
+    words = f"same as --format {known[1]}"
+    command.add_argument("--json", dest="format", action="store_const", const=known[1], help=words)
+
+
+def add_files(command: argparse.ArgumentParser, *, has_titles: bool = False) -> None:
+    """Add the files of a command that runs for each of them (several_files.py).
+
+    Args:
+        has_titles: whether its output for people does not name the file.
+    """
+    command.set_defaults(has_titles=has_titles)
     command.add_argument(
-        "file", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
+        "files", nargs="+", type=Path, metavar="FILE", help='recording, vendor log or capture; "-" reads standard input'
     )
+
+
+def add_signal(command: argparse.ArgumentParser, words: str) -> None:
+    command.add_argument("--signal", action="append", default=[], metavar="NAME", help=words)
 
 
 def add_range(command: argparse.ArgumentParser) -> None:
@@ -71,15 +92,14 @@ def _rate(text: str) -> float:
 def add_decode(add_parser: AddParser, outputs: str) -> argparse.ArgumentParser:
     """Add `imuscope decode`, with help on the suffixes that can be written."""
     command = add_parser("decode", help="convert a recording, log or capture to other formats")
-    add_file(command)
+    add_files(command)
     command.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help=outputs)
     add_range(command)
     command.add_argument(
         "--device", default="", metavar="D", help="device to decode (default: all, if the format can hold them)"
     )
-    command.add_argument(
-        "--channel", action="append", metavar="NAME", help="channel to decode; may be repeated (default: all)"
-    )
+    add_signal(command, "signal to decode, or message; may be repeated (default: all)")
+    command.add_argument("--channel", dest="signal", action="append", help=argparse.SUPPRESS)  # its former name
     command.add_argument(
         "--units",
         choices=("shown", "SI", "device"),
@@ -91,5 +111,6 @@ def add_decode(add_parser: AddParser, outputs: str) -> argparse.ArgumentParser:
         action="store_true",
         help="evidence (.html) leaves out everything that reveals where it was recorded",
     )
+    add_format(command)
     add_table(command)
     return command

@@ -15,12 +15,13 @@ from typing import Any
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.devices.decode.sequence_store import SequenceStore
 from imuscope.server.errors import UsageError
+from imuscope.server.text.printable import json_text, printable
 
 TIMEOUT_S = 10.0
 
 
-def rearm(device: str, server: str, token: str, data: Path) -> str:
-    """Re-arm a device and return a one-line summary.
+def rearm(device: str, server: str, token: str, data: Path, *, as_json: bool = False) -> str:
+    """Re-arm a device and return a one-line summary, for people or as JSON.
 
     Args:
         device: id of the device in the stream (an IDTP device id); "" for all.
@@ -42,14 +43,18 @@ def rearm(device: str, server: str, token: str, data: Path) -> str:
             count = SequenceStore(data).forget(None, int(device) if device else None)
         except OSError as error:
             raise UsageError(f"{data} cannot be written: {error.strerror or error}") from None
+        if as_json:
+            return json_text({"device": device, "links": [], "forgotten": bool(count)})
         outcome = "was deleted from" if count else "was not stored in"
-        return f"No server runs at {server}; the last sequence number of {device_text} {outcome} {data}."
+        return printable(f"No server runs at {server}; the last sequence number of {device_text} {outcome} {data}.")
     links = [one["id"] for one in devices if not one["parent"] and _may_restart(one["protocol"])]
     for link in links:
         _request(server, token, f"/api/devices/{link}/rearm", {"sender": device})
     if not links:
         raise UsageError(f"{server} has no device with a sequence")
-    return f"{device_text} re-armed on {counted(len(links), 'link')} of {server}."
+    if as_json:
+        return json_text({"device": device, "links": links, "forgotten": True})
+    return printable(f"{device_text} re-armed on {counted(len(links), 'link')} of {server}.")
 
 
 def _may_restart(protocol: str) -> bool:

@@ -35,7 +35,7 @@ from imuscope.server.links.base import Chunk, LinkSettings, steady_clock
 from imuscope.server.links.source_url import open_link
 from imuscope.server.streaming.telemetry import Telemetry
 from imuscope.server.system.end_signals import end_signals, ending_by_exception
-from imuscope.server.text.printable import printable
+from imuscope.server.text.printable import json_text, printable
 
 POLL_S = 0.25
 MAX_MESSAGES = 20
@@ -80,11 +80,11 @@ class RecordRequest:
     patience_s: float | None = None
 
 
-def record(request: RecordRequest, notes: TextIO) -> str:
+def record(request: RecordRequest, notes: TextIO, *, as_json: bool = False) -> str:
     """Record until the end, then compact the file.
 
     Returns:
-        A one-line summary.
+        A one-line summary, for people or as JSON.
 
     Raises:
         LinkError: the source is invalid.
@@ -100,6 +100,9 @@ def record(request: RecordRequest, notes: TextIO) -> str:
         compact(request.path, progress=(lambda share: _show(notes, f"packing {share:.0%}")) if tty else None)
     _show(notes, "")
     size = request.path.stat().st_size
+    if as_json:
+        body = {"file": str(request.path), "source": name, "seconds": status.seconds, "received_bytes": status.size}
+        return json_text({**body, "bytes": size})
     return printable(f"{request.path}: {status.seconds:.1f} s, {amount(status.size)} of {name}, {amount(size)} on disk")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from imuscope.server.commands.common import file_to_decode, seekable
-from imuscope.server.commands.file_arguments import add_file, add_range, add_table
+from imuscope.server.commands.file_arguments import add_files, add_range, add_table
 from imuscope.server.errors import UsageError
 
 CALIBRATIONS = ("gyroscope", "magnetometer", "accelerometer", "mounting")
@@ -15,7 +15,7 @@ CALIBRATIONS = ("gyroscope", "magnetometer", "accelerometer", "mounting")
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope calibrate`."""
     command = add_parser("calibrate", help="calibrate a sensor with a recording, log or capture")
-    add_file(command)
+    add_files(command, has_titles=True)
     command.add_argument("kind", choices=CALIBRATIONS, metavar="KIND", help=", ".join(CALIBRATIONS))
     add_range(command)
     add_table(command)

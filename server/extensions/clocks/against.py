@@ -5,6 +5,7 @@ difference  ╱╱╱╱      ╱╱╱     it begins at zero again after each s
 """
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,9 +18,9 @@ MOST_POINTS = 200  # of the course of a difference
 SIDE_ROWS = (20, 4000)  # fewest and most rows on a side of a step that distinguish it from a stall
 MAX_STALL_STEPS = 4.0  # lengths of a step in which one is caught up
 LASTING_STEP_SHARE = 0.5  # of a step: a difference that changes by less comes back
-MEAN_BLOCKS = 8  # whose means are taken as independent: few, since the axis bends slowly until it is settled
-FEWEST_BLOCKS = 4
-QUANTILES = {4: 4.30, 5: 3.18, 6: 2.78, 7: 2.57, 8: 2.45}  # blocks → of Student's t, 95 %, two-sided, two fitted
+MEAN_BLOCKS, FEWEST_BLOCKS = 24, 4
+WALK_SHARES = tuple(10.0**power for power in range(-3, 7))  # variance over the whole length, of that of a block's mean
+WHITE_WEIGHT = 100.0  # of errors that are white, which are usual, against each other share
 DRIFT_DIGITS = 4
 
 
@@ -83,16 +84,39 @@ def _edges(difference: Floats, steps: Sequence[StepOfClock], usual: float) -> It
 
 
 def _slope_error(x: Floats, rest: Floats) -> float | None:
-    """Half of the 95 % interval of a slope, ppm, from means of blocks: samples of a burst are not independent."""
+    """Half of the 95 % interval of a slope, ppm, from means of blocks: samples of a burst are not independent.
+
+    Clocks wander, so the errors are white noise with a random walk of the difference, or of its rate.
+    """
+    from scipy.special import stdtrit
+
     count = min(MEAN_BLOCKS, len(x) // FEWEST_BLOCKS)
     if count < FEWEST_BLOCKS:
         return None
     starts = np.linspace(0, len(x), count, endpoint=False).astype(np.int64)
     sizes = np.diff(np.append(starts, len(x)))
     means_x, means = np.add.reduceat(x, starts) / sizes, np.add.reduceat(rest, starts) / sizes
-    spread = float(np.sum((means_x - means_x.mean()) ** 2))
-    sigma = float(np.sqrt(np.sum(means**2) / (count - 2) / spread)) * 1e6 if spread > 0 else None
-    return None if sigma is None else QUANTILES[count] * sigma
+    span, size = float(np.ptp(means_x)), float(np.std(means))
+    if not (span > 0 and size > 0):
+        return 0.0 if span > 0 else None
+    turn = (means_x - means_x[0]) / span
+    early, late = np.minimum.outer(turn, turn), np.maximum.outer(turn, turn)
+    walks = (early, early**2 * (3 * late - early) / 2)
+    design = np.stack([np.ones(count), turn - turn.mean()], axis=1)
+    covariances = np.array([np.eye(count), *(np.eye(count) + share * walk for walk in walks for share in WALK_SHARES)])
+    # generalised least squares under each, which counts by its restricted likelihood
+    inverse, values, freedom = np.linalg.inv(covariances), means / size, count - 2
+    normal, right = design.T @ inverse @ design, design.T @ inverse @ values
+    solution = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
+    remains = np.maximum(values @ inverse @ values - np.sum(right * solution, axis=1), 1e-300)
+    logs = np.linalg.slogdet(covariances)[1] + np.linalg.slogdet(normal)[1]
+    likelihood = -0.5 * (freedom * np.log(remains) + logs)
+    weights = np.exp(likelihood - likelihood.max())
+    weights[0] *= WHITE_WEIGHT
+    slopes, variances = solution[:, 1], remains / freedom * np.linalg.inv(normal)[:, 1, 1]
+    # the stated slope is that of least squares, from which the others differ
+    sigma = math.sqrt(float(weights @ (variances + np.square(slopes))) / float(weights.sum()))
+    return float(stdtrit(freedom, 0.975)) * sigma * size / span * 1e6
 
 
 def _series(difference: Floats, axis: Floats, bounds: Sequence[int]) -> ClockDifference | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from imuscope.recordings.system.temporary_folder import TemporaryFolder
 from imuscope.server.commands.common import check_sources, checked_protocol, decode_options_of, file_to_decode, seekable
-from imuscope.server.commands.file_arguments import add_table
+from imuscope.server.commands.file_arguments import add_format, add_table
 from imuscope.server.devices.decode.decode_options import DecodeOptions, parse_source_options
 from imuscope.server.errors import UsageError
 from imuscope.server.settings.config import load
@@ -21,13 +21,12 @@ def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Argument
     """Add `imuscope time`."""
     command = add_parser("time", help="list the clocks of a file or a live source, and which of them is the time axis")
     words = 'recording, vendor log or capture ("-" reads standard input); or a live source, as for serve'
-    command.add_argument("file", metavar="FILE", help=words)
+    command.set_defaults(has_titles=True)
+    command.add_argument("files", nargs="+", metavar="FILE", help=words)
     command.add_argument(
         "--seconds", type=float, default=10.0, metavar="S", help="how long to receive a live source (default 10)"
     )
-    words = "table for people (the default), json for programs"
-    command.add_argument("--format", choices=("table", "json"), default="table", help=words)
-    command.add_argument("--json", dest="format", action="store_const", const="json", help="same as --format json")
+    add_format(command)
     add_table(command)
     return command
 

@@ -24,6 +24,7 @@ from imuscope.server.library.axis_words import RECORDING_WORDS
 
 HEADINGS = ("", "clock", "unit", "zero", "rate", "resolution", "drift", "jitter", "steps", "repeats", "bursts")
 MIN_SHOWN_SHARE = 0.005  # of a share, in whole percents
+PRESUMES = "± of a drift holds if the delay of neither clock grows or shrinks all along."
 NOTHING_S = 1e-9  # below the resolution of a time since 1970
 WORDS = {
     "back": "goes back by {} at sample {} ({})",
@@ -50,14 +51,17 @@ def print_clocks(path: Path, reading: DecodeOptions, out: TextIO, notes: TextIO,
         if text_format == "json":
             out.write(json.dumps(as_json(store), ensure_ascii=False, allow_nan=False) + "\n")
         else:
-            _print_table(store, out)
+            _print_table(store, out, notes)
 
 
-def _print_table(store: ColumnStore, out: TextIO) -> None:
-    for number, message in enumerate(clocks_of(store)):
+def _print_table(store: ColumnStore, out: TextIO, notes: TextIO) -> None:
+    messages = clocks_of(store)
+    for number, message in enumerate(messages):
         out.write("\n" if number else "")
         out.write(f"{message.message}\n")
         _print_message(message, out)
+    if any(clock.drift_error_ppm is not None for message in messages for clock in message.clocks):
+        print(f"imuscope: {PRESUMES}", file=notes)
 
 
 def _print_message(message: MessageClocks, out: TextIO) -> None:

@@ -37,6 +37,7 @@ def frames(mode: int = SAFETY, count: int = 40) -> bytes:
 
 COMMANDS = arguments.parser().commands
 """From the parser itself: a new command is held to all of this, too."""
+FORMER = ["--channel"]  # of --signal
 
 
 def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list[str]]]:
@@ -93,7 +94,7 @@ def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
 @each_row("name", COMMANDS)
 def test_every_option_is_explained_with_its_values(name: str) -> None:
     shown = COMMANDS[name].format_help()
-    for action in COMMANDS[name]._actions:
+    for action in [one for one in COMMANDS[name]._actions if one.option_strings != FORMER]:
         called = f"{name} {action.option_strings or action.dest}"
         assert action.help, called
         assert action.help != argparse.SUPPRESS, f"{called} is hidden"
@@ -141,6 +142,25 @@ def test_usage_errors_are_one_line_without_a_traceback(name: str, capsys: pytest
         assert printed.count("\n") == 1, line
         assert printed.startswith("imuscope: "), line
         assert f"See `imuscope {name} --help`." in printed
+
+
+WITHOUT_JSON = {
+    "send": "prints JSON always",
+    "compose": "prints a frame, and reads JSON",
+    "completion": "prints a script",
+    **dict.fromkeys(("serve", "fleet", "hold", "replay", "simulate"), "runs until it is stopped"),
+}
+
+
+def test_every_command_that_prints_a_result_has_json() -> None:
+    has_json = {name for name, command in COMMANDS.items() if "--json" in command._option_string_actions}
+    assert {*COMMANDS} - has_json == {*WITHOUT_JSON}
+
+
+def test_a_signal_has_one_name_on_the_command_line() -> None:
+    for name, command in COMMANDS.items():
+        shown = [one for one in command._actions if one.option_strings == FORMER and one.help != argparse.SUPPRESS]
+        assert not shown, name
 
 
 def secrets() -> list[DecodeOption]:
@@ -373,13 +393,14 @@ def test_decode_takes_a_part(tmp_path: Path) -> None:
     ]
     capture.write_bytes(b"".join(two))
     out = tmp_path / "x.csv"
-    part = ("--from", "0.5", "--to", "1", "--channel", "Imu3Gyr")
+    part = ("--from", "0.5", "--to", "1", "--signal", "Imu3Gyr")
     (made,) = imuscope("decode", str(capture), "-o", str(out), *part).stdout.split()
     assert "Imu3Gyr" in made
     assert 20 <= len(Path(made).read_text().splitlines()) <= 32
     for wrong, message in (
         (["--device", "9"], "has no device '9'"),
-        (["--channel", "Imu3Gyrr"], "nearest are: Imu3Gyr"),
+        (["--signal", "Imu3Gyrr"], "has no signal 'Imu3Gyrr'; nearest are: Imu3Gyr"),
+        (["--channel", "Imu3Gyrr"], "has no signal"),  # its former name
         (["--from", "70"], "that range is empty"),
     ):
         done = imuscope("decode", str(capture), "-o", str(out), *wrong)

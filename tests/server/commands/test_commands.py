@@ -1,12 +1,13 @@
 """The tables as text and over HTTP: the same rows as the forms."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from imuscope.protocols.commands.transactions import DeviceContext
 from imuscope.protocols.registry.families import PROTOCOLS
-from imuscope.server.commands.commands import LINE_CHARS, CommandListRow, manual
+from imuscope.server.commands.commands import LINE_CHARS, CommandListRow, forms, manual
 from imuscope.server.commands.compose import ComposeError
 from imuscope.server.configuration.form_builder import all_forms
 from imuscope.server.devices.decode.decode_options import DecodeOptions
@@ -40,6 +41,14 @@ def test_a_command_is_described_with_ranges_meaning_and_source() -> None:
 def test_missing_names_are_answered_with_the_nearest() -> None:
     with pytest.raises(ComposeError, match="similar: SetPeriod"):
         list(manual(name="SetPeriot"))
+
+
+def test_the_tables_for_programs_are_those_of_the_server() -> None:
+    assert forms(DecodeOptions()) == all_forms()
+    [family] = json.loads(imuscope("commands", "SetPeriod", "--json").stdout)
+    assert (family["protocol"], [row["name"] for row in family["commands"]]) == ("xbus", ["SetPeriod"])
+    with pytest.raises(ComposeError, match="similar: SetPeriod"):
+        forms(DecodeOptions(), "SetPeriode")
 
 
 def test_described_types_are_listed(tmp_path: Path) -> None:

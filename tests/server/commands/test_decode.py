@@ -48,7 +48,7 @@ def test_one_file_goes_to_standard_output(tmp_path: Path, capfdbinary: pytest.Ca
 @needs_logs
 def test_several_files_are_refused_on_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["decode", str(LOGS / f"{NAME}.raw"), "-o", "-"]) == 1
-    assert "name a message with --channel" in capsys.readouterr().err
+    assert "name a message with --signal" in capsys.readouterr().err
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from imuscope.server.commands.common import file_to_decode, readable, seekable
-from imuscope.server.commands.file_arguments import add_file, add_range, add_table
+from imuscope.server.commands.file_arguments import add_files, add_range, add_signal, add_table
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.errors import UsageError
 
@@ -16,16 +16,10 @@ _NAME_CHARS = 34
 def add(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope analyse`."""
     command = add_parser("analyse", help="print statistics, spectra and other figures of signals in a file")
-    add_file(command)
+    add_files(command, has_titles=True)
     command.add_argument("analysis", metavar="ANALYSIS", help="name of an analysis, see below; or comparison")
-    command.add_argument(
-        "--signal",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="CHANNEL.COLUMN, or CHANNEL for all its columns; DEVICE/… or MESSAGE/… if there are several; may be "
-        "repeated (default: all signals)",
-    )
+    words = "SIGNAL.COLUMN, or SIGNAL for all its columns; DEVICE/… or MESSAGE/… if there are several; may be repeated"
+    add_signal(command, f"{words} (default: all)")
     add_range(command)
     add_table(command)
     command.add_argument(

@@ -5,6 +5,7 @@ of the device is removed (thermal_drift.py). The result states how much of both.
 across a gap. Parameters and verdicts come only if what they presuppose was found (preconditions.py).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -125,11 +126,13 @@ def _drift_figures(drift: ThermalDrift) -> dict[str, float]:
 
 def _drift_note(drift: ThermalDrift, unit: str, is_removed: bool) -> str:
     """A sentence on a drift with temperature, and how to decide otherwise."""
-    size = f"{drift.per_degree:+.3g} ± {drift.uncertainty:.1g} {unit} per °C"
-    size += f" between {drift.low:.1f} and {drift.high:.1f} °C"
+    is_line = math.isfinite(drift.uncertainty)
+    bound = f" ± {drift.uncertainty:.2g} {unit} per °C" if is_line else f" {unit} per °C in the mean"
+    size = f"{drift.per_degree:+.3g}{bound} between {drift.low:.1f} and {drift.high:.1f} °C"
+    size += ", if no other drift coincides," if is_line else ", not along a line,"
     if is_removed:
-        return f"Temperature drift of {size} removed. Set temperature to include to keep it."
-    return f"The signal follows the temperature: {size}. Set temperature to exclude to remove it."
+        return f"Temperature drift of {size} was removed. Set temperature to include to keep it."
+    return f"The signal follows the temperature: {size[:-1]}. Set temperature to exclude to remove it."
 
 
 def _ramp_note(model: NoiseModel, unit: str) -> str:

@@ -4,6 +4,7 @@ Segments lie within the runs of a signal (sampling.py), so no gap is bridged. Wh
 result equals that of scipy.signal.welch with the same options.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +17,7 @@ from imuscope.server.extensions.analysis.noise.welch import MIN_LENGTH, OPTIONS,
 from imuscope.server.extensions.analysis.signals.sampling import sampling_of, unwrapped
 from imuscope.server.extensions.analysis.signals.signals import Signal
 
+MIN_EVENNESS = 0.65  # of the segments; below, a few loud ones may lie at an edge, and count as windows weigh them
 TAIL_PROBABILITY = 0.025  # probability beyond each end of the interval
 
 
@@ -27,14 +29,19 @@ def run(signal: Signal, options: Settings) -> Result:
     segments = segments_for(sampling, options)
     values = unwrapped(signal)
     counts = [segments.count(part.stop - part.start) for part in sampling.runs]
-    frequency, psd = mean_spectrum([values[part] for part in sampling.runs], counts, sampling.rate, segments)
-    freedom = segments.degrees_of_freedom([count for count in counts if count])
+    mean = mean_spectrum([values[part] for part in sampling.runs], counts, sampling.rate, segments)
+    frequency, psd, freedom = mean.frequency, mean.psd, mean.freedom
     low, high = (freedom / float(chdtri(freedom, p)) for p in (TAIL_PROBABILITY, 1 - TAIL_PROBABILITY))
     root = SCALES[int(options["scale"])] == "amplitude"
     spacing = sampling.rate / segments.length
 
     peaks = peaks_of(frequency, psd, sampling.rate, segments, freedom)
     notes = [*sampling.notes(), _alias_note(frequency, psd, sampling.rate)]
+    if mean.evenness < 1:
+        what = "whose interval is wider for it" if mean.evenness > MIN_EVENNESS else "of an unknown uncertainty"
+        notes.append(f"The noise changes in this range: the density is its mean, {what}.")
+    if mean.evenness <= MIN_EVENNESS:
+        low = high = math.nan
     if peaks:
         apart = f"{4 * segments.resolution(sampling.rate):.3g} Hz"
         notes.append(f"The uncertainty of a frequency is that of one steady line: two within {apart} may be one.")

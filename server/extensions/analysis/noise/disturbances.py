@@ -75,8 +75,8 @@ def spectrum_of(values: Floats, runs: Sequence[slice], sampling: Sampling) -> Sp
     except DomainError:
         return None
     counts = [segments.count(run.stop - run.start) for run in runs]
-    frequency, psd = mean_spectrum([values[run] for run in runs], counts, sampling.rate, segments)
-    freedom = segments.degrees_of_freedom([count for count in counts if count])
+    mean = mean_spectrum([values[run] for run in runs], counts, sampling.rate, segments)
+    frequency, psd, freedom = mean.frequency, mean.psd, mean.freedom
     return Spectrum(frequency, psd, freedom, segments)
 
 

@@ -1,16 +1,17 @@
 """Temperature drift: the part of a signal at rest that follows the temperature of its device.
 
     means of blocks of the signal ──┐
-                                    ├─ line y = a + b·T, errors white + random walk (generalised least squares) ─> b ± σ
+                                    ├─ line y = a + b·T, errors white + random walk (generalised least squares) ─> b ± u
     means of the temperature ───────┘
 
 A bias that wanders by itself resembles any slow curve, so ordinary least squares would find a dependence on temperature
-where there is none. The errors are therefore white noise plus a random walk whose share maximises the likelihood, and
-a coefficient counts only from SIGNIFICANT standard deviations. The removed part is b times the smoothed temperature:
-its own noise and steps do not get into the signal. This is the usual correction before an Allan deviation (IEEE Std
-952, annex C: trends are estimated and removed, since they are not noise).
+where there is none. The errors are therefore white noise plus a random walk, each share of which counts by its
+likelihood, and a coefficient counts only from some times its uncertainty. The removed part is b times the smoothed
+temperature: its own noise and steps do not get into the signal. This is the usual correction before an Allan deviation
+(IEEE Std 952, annex C: trends are estimated and removed, since they are not noise).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,11 +19,13 @@ from itertools import pairwise
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
+from imuscope.server.extensions.analysis.noise.line_fit import line_fit, mean_line
 
 MEAN_BLOCKS = 60
 MIN_BLOCKS = 12
 LEAST_CHANGE = 0.2  # °C: less cannot be distinguished from the noise of the temperature sensor
-SIGNIFICANT_SIGMAS = 5.0  # of the coefficient, whose uncertainty depends on the estimated share of the walk
+SIGNIFICANT_BOUNDS = 2.5  # times the uncertainty, which depends on the estimated share of the walk
+CURVED_SIGMAS = 4.0  # of the curvature of a dependence that is not linear
 WALK_SHARES = (
     0.0,
     0.01,
@@ -42,7 +45,8 @@ class ThermalDrift:
 
     Attributes:
         per_degree: unit/°C.
-        uncertainty: standard uncertainty (1 σ) of it.
+        uncertainty: half of its 95 % interval, if the signal does not drift by itself as the temperature does; NaN if
+            the dependence is not linear; `per_degree` is then the mean slope.
         low, high: °C, of the blocks.
         part: (n,) of each sample, 0 at the mean temperature.
     """
@@ -77,11 +81,13 @@ def thermal_drift(
     low, high = float(warmth.min()), float(warmth.max())
     if high - low < LEAST_CHANGE:
         return None
-    slope, sigma = _slope(centres, warmth, means)
-    if not abs(slope) >= SIGNIFICANT_SIGMAS * sigma:
+    slope, bound, is_curved = _slope(centres, warmth, means)
+    steps = np.diff(np.unique(degrees))
+    bound = math.hypot(bound, abs(slope) * float(steps.min()) / (high - low))  # both ends may be off by half a step
+    if not abs(slope) >= SIGNIFICANT_BOUNDS * bound:
         return None
     part = slope * (_along(time, centres, warmth) - float(warmth.mean()))
-    return ThermalDrift(slope, sigma, low, high, part)
+    return ThermalDrift(slope, math.nan if is_curved else bound, low, high, part)
 
 
 def blocks_of(runs: Sequence[slice], whole: int) -> list[slice]:
@@ -107,28 +113,18 @@ def _mean_between(known: Floats, degrees: Floats, begin: float, end: float) -> f
     return float(np.interp((begin + end) / 2, known, degrees))
 
 
-def _slope(centres: Floats, warmth: Floats, means: Floats) -> tuple[float, float]:
-    """Slope of the means over the temperature, and its standard uncertainty."""
+def _slope(centres: Floats, warmth: Floats, means: Floats) -> tuple[float, float, bool]:
+    """Slope over the temperature, half of its 95 % interval, and whether the dependence is not linear."""
     count = len(means)
     steps = (centres - centres[0]) / np.median(np.diff(centres))
     walk = np.minimum.outer(steps, steps)
-    design = np.stack([np.ones(count), warmth - warmth.mean()], axis=1)
-    best, estimate = -np.inf, (0.0, np.inf)
-    for share in WALK_SHARES:
-        root = np.linalg.cholesky(np.eye(count) + share * walk)
-        rows, right = np.linalg.solve(root, design), np.linalg.solve(root, means)
-        normal = rows.T @ rows
-        solution = np.linalg.solve(normal, rows.T @ right)
-        rest = float(np.sum(np.square(right - rows @ solution)))
-        if rest <= 0:
-            return float(solution[1]), 0.0
-        # restricted likelihood: the coefficients are estimated too
-        logs = 2 * float(np.log(np.diag(root)).sum()) + float(np.linalg.slogdet(normal)[1])
-        likelihood = -0.5 * ((count - 2) * np.log(rest) + logs)
-        if likelihood > best:
-            variance = rest / (count - 2) * float(np.linalg.inv(normal)[1, 1])
-            best, estimate = likelihood, (float(solution[1]), float(np.sqrt(variance)))
-    return estimate
+    degrees = warmth - warmth.mean()
+    design = np.stack([np.ones(count), degrees, np.square(degrees)], axis=1)
+    covariances = [np.eye(count) + share * walk for share in WALK_SHARES]
+    slope, bound, weights = mean_line([line_fit(one, design[:, :2], means) for one in covariances], count - 2)
+    curves = [line_fit(one, design, means) for one in covariances]
+    sigmas = [abs(one.slope) / max(one.variance, 1e-300) ** 0.5 for one in curves]
+    return slope, bound, bool(weights @ sigmas > CURVED_SIGMAS)
 
 
 def _along(time: Floats, centres: Floats, warmth: Floats) -> Floats:

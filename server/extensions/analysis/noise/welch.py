@@ -20,6 +20,8 @@ SCALES = ("power", "amplitude")
 AUTOMATIC_SEGMENTS = 8  # of the automatic length, at half overlap
 MIN_LENGTH, MAX_LENGTH = 16, 1 << 16
 BLOCK_SAMPLES = 1 << 18  # samples transformed together
+EDGE_BINS = 3  # beside 0 Hz, where the trend was taken out
+CHANCE_SIGMAS = 3.0  # of the mean of the ratios of as many bins
 
 OPTIONS = (
     AnalysisOption("length", 0, 0, 1 << 22, "samples", "Length of a segment; 0 chooses one."),
@@ -96,12 +98,29 @@ def segments_for(sampling: Sampling, settings: Mapping[str, float], count: int =
     return Segments(length, step, window, False if detrend == "none" else detrend)
 
 
-def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: Segments) -> tuple[Floats, Floats]:
-    """Frequencies, and the mean over all segments of all runs."""
+@dataclass(frozen=True, slots=True)
+class MeanSpectrum:
+    """Mean over all segments of all runs.
+
+    Attributes:
+        frequency, psd: (n,), one-sided.
+        freedom: degrees of freedom of each density.
+        evenness: 1 if all segments are alike but for chance; less where few of them make up the mean, as the noise
+            changes. The degrees of freedom are fewer by this share.
+    """
+
+    frequency: Floats
+    psd: Floats
+    freedom: float
+    evenness: float
+
+
+def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: Segments) -> MeanSpectrum:
+    """The mean spectrum of these runs, with `counts` segments in each."""
     from scipy.fft import rfft, rfftfreq
     from scipy.signal import detrend
 
-    squares = np.zeros(2 * (segments.length // 2 + 1))
+    sums, squares = np.zeros((2, segments.length // 2 + 1))
     together = max(1, BLOCK_SAMPLES // segments.length)
     for values, count in zip(runs, counts, strict=True):
         if not count:
@@ -114,7 +133,14 @@ def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: 
             elif segments.detrend:
                 block = detrend(block, axis=1, type=segments.detrend)
             parts = rfft(block * segments.window, axis=1).view(np.float64)
-            squares += np.einsum("ij,ij->j", parts, parts)
-    power = (squares[0::2] + squares[1::2]) / (sum(counts) * rate * float(np.square(segments.window).sum()))
+            powers = np.square(parts[:, 0::2]) + np.square(parts[:, 1::2])
+            sums += powers.sum(axis=0)
+            squares += np.einsum("ij,ij->j", powers, powers)
+    power = sums / (sum(counts) * rate * float(np.square(segments.window).sum()))
     power[1 : (segments.length + 1) // 2] *= 2  # one-sided; 0 Hz and half the rate have no other side
-    return rfftfreq(segments.length, 1 / rate), power
+    freedom = segments.degrees_of_freedom([count for count in counts if count])
+    inner = slice(EDGE_BINS, -1)  # of noise as even as chance the square of a power has twice the mean of its own
+    ratios = sum(counts) * squares[inner] / np.maximum(np.square(sums[inner]), 1e-300)
+    excess = float(ratios.mean()) * (freedom / 2 + 1) / freedom if len(ratios) else 1.0
+    evenness = 1.0 if excess < 1 + CHANCE_SIGMAS / math.sqrt(max(len(ratios), 1)) else 1 / excess
+    return MeanSpectrum(rfftfreq(segments.length, 1 / rate), power, freedom * evenness, evenness)

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from imuscope.server.commands.file_arguments import add_table
+from imuscope.server.commands.file_arguments import add_files, add_format, add_table
 from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.extensions.fleet.model.settings import STORE_FORMS
 from imuscope.server.extensions.fleet.query.prepared_queries import QUESTIONS
@@ -59,9 +59,10 @@ def add_fleet(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.Ar
 def add_upload(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add `imuscope upload`; returns its parser."""
     command = add_parser("upload", help="upload a recording, log or capture into a store of many robots")
-    command.add_argument("file", metavar="FILE", help='recording, vendor log or capture; "-" reads standard input')
+    add_files(command)
     add_store(command)
     command.add_argument("--robot", required=True, metavar="NAME", help="name of the robot that recorded it")
+    add_format(command)
     add_table(command)
     return command
 
@@ -95,6 +96,7 @@ def add_compact(add_parser: Callable[..., argparse.ArgumentParser]) -> argparse.
     add_store(command)
     words = "remove files that nothing has needed for a week, those of uploads that were cut off too"
     command.add_argument("--remove-unused", action="store_true", help=words)
+    add_format(command)
     return command
 
 

@@ -4,12 +4,14 @@ import argparse
 import contextlib
 import sys
 from collections.abc import Iterator
+from dataclasses import asdict
 
 from imuscope.protocols.schema.plural import counted
 from imuscope.server.commands.common import file_to_decode, seekable
 from imuscope.server.errors import UsageError
 from imuscope.server.extensions.fleet.query.prepared_queries import QUESTIONS
 from imuscope.server.extensions.fleet.store.store import MISSING, PACKAGES, location
+from imuscope.server.text.printable import json_text
 
 
 @contextlib.contextmanager
@@ -44,8 +46,11 @@ def upload(options: argparse.Namespace) -> None:
         raise UsageError(f"{options.file}: {(error.strerror or 'it cannot be read').lower()}") from None
     finally:
         bar.clear()
-    words = "uploaded" if made.is_new else "was uploaded before"
-    print(f"{options.file} {words}: {store.url.rstrip('/')}/{made.key}")
+    url = f"{store.url.rstrip('/')}/{made.key}"
+    if options.format == "json":
+        print(json_text({"file": str(options.file), "object": url, "is_new": made.is_new}))
+        return
+    print(f"{options.file} {'uploaded' if made.is_new else 'was uploaded before'}: {url}")
 
 
 def query(options: argparse.Namespace) -> None:
@@ -84,7 +89,7 @@ def query(options: argparse.Namespace) -> None:
 
 
 def compact(options: argparse.Namespace) -> None:
-    """Run `imuscope compact --store URL`; a line for each table.
+    """Run `imuscope compact --store URL`; a line, or a line of JSON, for each table.
 
     Raises:
         UsageError, StoreError: the store cannot be used.
@@ -93,5 +98,8 @@ def compact(options: argparse.Namespace) -> None:
         from imuscope.server.extensions.fleet.store.compact import compact as compact_store
     for one in compact_store(location(options.store), remove=options.remove_unused):
         words = f"{counted(one.joined, 'file')} joined into {one.into}" if one.joined else "nothing to join"
+        if options.format == "json":
+            print(json_text(asdict(one)), flush=True)
+            continue
         more = f", {counted(one.removed, 'file')} removed" if options.remove_unused else ""
         print(f"{one.name}: {words}{more}", flush=True)

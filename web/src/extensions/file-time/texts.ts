@@ -17,7 +17,8 @@ export const TEXT = {
   jitter: "Jitter",
   repeats: "Repeats",
   bursts: "Bursts",
-  driftHint: "Slope against the time axis, and its standard error, in the longest stretch without a step",
+  driftHint:
+    "Slope against the time axis in the longest stretch without a step, and its 95 % interval if no delay grows or shrinks all along",
   jitterHint: "Standard deviation of the differences from that slope",
   repeatsHint: "Samples with the time of the one before",
   burstsHint: "Share of samples that come at once with the one before, after a pause",
