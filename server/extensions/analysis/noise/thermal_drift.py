@@ -19,7 +19,6 @@ from itertools import pairwise
 import numpy as np
 
 from imuscope.protocols.arrays import Floats
-from imuscope.server.extensions.analysis.noise.line_fit import line_fit, mean_line
 
 MEAN_BLOCKS = 60
 MIN_BLOCKS = 12
@@ -77,6 +76,7 @@ def thermal_drift(
         return None
     centres = np.array([time[block].mean() for block in blocks])
     means = np.array([values[block].mean() for block in blocks])
+    means -= means.mean()
     warmth = np.array([_mean_between(known, degrees, time[block.start], time[block.stop - 1]) for block in blocks])
     low, high = float(warmth.min()), float(warmth.max())
     if high - low < LEAST_CHANGE:
@@ -115,16 +115,34 @@ def _mean_between(known: Floats, degrees: Floats, begin: float, end: float) -> f
 
 def _slope(centres: Floats, warmth: Floats, means: Floats) -> tuple[float, float, bool]:
     """Slope over the temperature, half of its 95 % interval, and whether the dependence is not linear."""
+    from scipy.special import stdtrit
+
     count = len(means)
     steps = (centres - centres[0]) / np.median(np.diff(centres))
     walk = np.minimum.outer(steps, steps)
     degrees = warmth - warmth.mean()
     design = np.stack([np.ones(count), degrees, np.square(degrees)], axis=1)
-    covariances = [np.eye(count) + share * walk for share in WALK_SHARES]
-    slope, bound, weights = mean_line([line_fit(one, design[:, :2], means) for one in covariances], count - 2)
-    curves = [line_fit(one, design, means) for one in covariances]
-    sigmas = [abs(one.slope) / max(one.variance, 1e-300) ** 0.5 for one in curves]
-    return slope, bound, bool(weights @ sigmas > CURVED_SIGMAS)
+    covariances = np.eye(count) + np.array(WALK_SHARES)[:, np.newaxis, np.newaxis] * walk
+    likelihood, slopes, variances = _fitted(covariances, design[:, :2], means)
+    weights = np.exp(likelihood - likelihood.max())
+    weights /= weights.sum()
+    slope = float(weights @ slopes)
+    sigma = float(np.sqrt(weights @ (variances + np.square(slopes - slope))))
+    _, curves, spreads = _fitted(covariances, design, means)
+    is_curved = bool(weights @ (np.abs(curves) / np.sqrt(spreads)) > CURVED_SIGMAS)
+    return slope, float(stdtrit(count - 2, 0.975)) * sigma, is_curved
+
+
+def _fitted(covariances: Floats, design: Floats, means: Floats) -> tuple[Floats, Floats, Floats]:
+    """Restricted likelihood, last coefficient and its variance of generalised least squares under each covariance."""
+    inverse, freedom = np.linalg.inv(covariances), len(means) - design.shape[1]
+    normal, right = design.T @ inverse @ design, design.T @ inverse @ means
+    solution = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
+    rest = np.maximum(means @ inverse @ means - np.sum(right * solution, axis=1), 1e-300)
+    logs = np.linalg.slogdet(covariances)[1] + np.linalg.slogdet(normal)[1]
+    likelihood: Floats = -0.5 * (freedom * np.log(rest) + logs)
+    slopes: Floats = np.asarray(solution[:, -1], np.float64)
+    return likelihood, slopes, rest / freedom * np.linalg.inv(normal)[:, -1, -1]
 
 
 def _along(time: Floats, centres: Floats, warmth: Floats) -> Floats:
