@@ -46,7 +46,7 @@ def test_a_stream_has_one_axis_live_recorded_and_exported(tmp_path: Path) -> Non
             with imuscope.open(table) as again:
                 [exported] = [one for one in again.signals if one.columns == recorded.columns]
                 np.testing.assert_allclose(exported.time, recorded.time, atol=3e-7)  # of a table, in floats
-                np.testing.assert_array_equal(exported.values, recorded.values)
+                np.testing.assert_array_equal(exported.values.astype(recorded.values.dtype), recorded.values)
                 assert exported.units == recorded.units
 
 
