@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from typing import Any
 
     from imuscope.live import Batch, LiveSignal, Server, connect
-    from imuscope.recording import Event, Recording, open  # noqa: A004
+    from imuscope.recording import Recording, open  # noqa: A004
     from imuscope.results import Calibration, Comparison
-    from imuscope.signals import Device, ImuscopeError, Signal
+    from imuscope.signals import Device, Event, ImuscopeError, Signal
 
 __all__ = [
     "Batch",
@@ -45,7 +45,7 @@ __all__ = [
 ]
 _OF_LIVE = ("Batch", "LiveSignal", "Server", "connect")
 _OF_RESULTS = ("Calibration", "Comparison")
-_OF_SIGNAL = ("Device", "ImuscopeError", "Signal")
+_OF_SIGNAL = ("Device", "Event", "ImuscopeError", "Signal")
 
 
 def __getattr__(name: str) -> "Any":

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit, urlunsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.signals import Device, ImuscopeError, column_names
+from imuscope.signals import Device, ImuscopeError, checked, column_names
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -97,6 +97,7 @@ class Server:
         """What they send, as far as it has been described."""
         return tuple(self._signals.values())
 
+    @checked
     def stream(self, *names: str, history_s: float = 0.0, timeout_s: float | None = None) -> Iterator[Batch]:
         """Samples as they arrive, until the connection ends or the caller stops.
 
@@ -109,6 +110,11 @@ class Server:
         Raises:
             ImuscopeError: nothing arrived for `timeout_s`, or the connection was lost.
         """
+        if wrong := [one for one in names if not isinstance(one, str)]:
+            raise ImuscopeError(f"{wrong[0]!r} is no name of a signal; give names one after the other.")
+        return self._stream(names, float(history_s), None if timeout_s is None else float(timeout_s))
+
+    def _stream(self, names: tuple[str, ...], history_s: float, timeout_s: float | None) -> Iterator[Batch]:
         self._waiting.clear()  # samples of an earlier stream
         self._taken = {}
         self._send({"op": "subscribe", "channels": None, "history": history_s})
@@ -204,6 +210,7 @@ class Server:
             yield Batch(signal, np.where(np.isnan(time), arrival, time), arrival, values, frame.dropped)
 
 
+@checked
 def connect(address: str, *, token: str = "") -> Server:
     """Connect to a running server.
 

@@ -28,14 +28,15 @@ import tempfile
 import weakref
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal
 
 from imuscope.recordings.columns.units import UNITS, Units
 from imuscope.recordings.errors import near_miss
 from imuscope.signals import (
     Device,
+    Event,
     ImuscopeError,
     Signal,
     checked,
@@ -54,26 +55,6 @@ if TYPE_CHECKING:
     from imuscope.frames import Align, Frame
     from imuscope.recordings.columns.store import ColumnStore
     from imuscope.results import Calibration, CalibrationKind, Comparison, MessageClocks
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """An event of a recording: a loss, a step of a clock, a reset, a note.
-
-    Args:
-        time: unix s.
-        device: id of the device; "" of the recording.
-        kind: one word: "gap", "clock", "reset" …
-        level: "info", "warning" or "error".
-        data: figures of it, by name.
-    """
-
-    time: float
-    device: str
-    kind: str
-    level: str
-    text: str
-    data: Mapping[str, Any]
 
 
 class Recording:
@@ -153,6 +134,7 @@ class Recording:
         """Whether a signal, or a column of one, is found under this name."""
         return isinstance(name, str) and len(self._named(name)) == 1
 
+    @checked
     def get(self, name: str, default: Signal | None = None) -> Signal | None:
         """The signal of this name; `default` where there is none, or several."""
         named = self._named(name)
@@ -193,6 +175,7 @@ class Recording:
         devices = ", ".join(one.name for one in self.devices)
         return f"<Recording {self.path.name}: {devices}; {len(self.signals)} signals, {lasts}>"
 
+    @checked
     def __getitem__(self, name: str) -> Signal:
         """The signal of this name or title; "SIGNAL.COLUMN" is one column, "DEVICE/NAME" that of one device.
 
@@ -293,6 +276,7 @@ class Recording:
         request = AnalyseRequest(analysis, signals, begin_s, end_s, texts)
         return {report.name: dict(report.figures) for report in reports_of(self._store, self.path.name, request)}
 
+    @checked
     def time(self) -> tuple[MessageClocks, ...]:
         """Every clock of the file, by device and message, and which of them is the time axis: as `imuscope time`.
 
@@ -424,8 +408,9 @@ class Recording:
         self._finalizer()
 
 
+@checked
 def open(  # noqa: A001 (as gzip.open: read with its module)
-    path: str | Path,
+    path: str | PathLike[str] | BinaryIO,
     *,
     protocol: str = "",
     time_column: str = "",
@@ -438,7 +423,12 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
 ) -> Recording:
     """Open a recording of imuscope, a capture of a device's bytes, a table or a log of another program.
 
+    >>> with file.open("rb") as stream:
+    ...     open(stream)
+    <Recording walk.csv: walk; 2 signals, 0.280 s>
+
     Args:
+        path: of the file; or a file of bytes, which is copied: its attribute `name` may say its format.
         protocol: of a capture; "" to detect it.
         time_column, time_unit, rate, columns: of a table, where the file does not say it: heading of the times; "ns",
             "us", "ms" or "s"; samples a second where there are no times; headings in place of the file's.
@@ -451,7 +441,6 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     Raises:
         ImuscopeError: it cannot be opened; where its times can be read in two ways the message names the option.
     """
-    from imuscope.recordings.errors import ExplainedError
     from imuscope.recordings.importers.open_file import open_file
     from imuscope.recordings.tables.options import TableOptions
     from imuscope.server.devices.decode.decode_options import DecodeOptions, source_options
@@ -459,26 +448,36 @@ def open(  # noqa: A001 (as gzip.open: read with its module)
     from imuscope.server.library.computed_signals import compute_signals
     from imuscope.server.library.decode import decode
 
-    file = Path(path).expanduser()
-    if not file.exists():
-        raise ImuscopeError(f"{file} does not exist.")
     known = {option.name for option in source_options()}
-    for name in options:
-        if name not in known:
-            own = ("protocol", "time_column", "time_unit", "rate", "columns", "packet_stamp", "clock")
-            near = near_miss(name, [*known, *own])
+    own = {"protocol": protocol, "time_column": time_column, "time_unit": time_unit}
+    own |= {"packet_stamp": packet_stamp, "clock": clock}
+    for name, value in {**own, **options}.items():
+        if name not in (*own, *known):
+            near = near_miss(name, [*known, *own, "rate", "columns"])
             raise ImuscopeError(f"There is no option {name!r}{near}; options of protocols: {', '.join(sorted(known))}.")
+        if not isinstance(value, str):
+            raise ImuscopeError(f"{name}={value!r:.60} is no text.")
     table = TableOptions(time_column, time_unit, None, rate, columns or {}, packet_stamp)
     reading = DecodeOptions(protocol, options, table, clock)
     folder = Path(tempfile.mkdtemp(prefix="imuscope-"))
     try:
+        file = _on_disk(path, folder)
         source = open_file(file, protocol, reading.table)
         store = decode(source, folder / "columns", all_protocols(), reading, lambda _: None, compute=compute_signals)
         return Recording(file, store, folder)
-    except BaseException as error:
+    except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
-        if isinstance(error, ExplainedError):
-            raise ImuscopeError(error.text) from None
-        if isinstance(error, OSError):
-            raise ImuscopeError(f"{file}: {(error.strerror or 'it cannot be read').lower()}.") from None
         raise
+
+
+def _on_disk(path: str | PathLike[str] | BinaryIO, folder: Path) -> Path:
+    """The file, or a copy of an open one."""
+    if isinstance(path, (str, PathLike)):
+        file = Path(path).expanduser()
+        if not file.exists():
+            raise ImuscopeError(f"{file} does not exist.")
+        return file
+    copy = Path(tempfile.mkdtemp(dir=folder), Path(str(getattr(path, "name", ""))).name or "data")
+    with copy.open("wb") as out:
+        shutil.copyfileobj(path, out)
+    return copy

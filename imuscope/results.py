@@ -10,11 +10,11 @@ import numpy as np
 
 from imuscope.protocols.arrays import Floats
 from imuscope.server.extensions.clocks.figures import ClockStepFigures, FileClock, MessageClocks
+from imuscope.signals import Signal, checked
 
 if TYPE_CHECKING:
     from imuscope.server.extensions.analysis.compare.two_sides import ComparisonAnswer
     from imuscope.server.extensions.calibration.calibrate import Calibration as Calibrated
-    from imuscope.signals import Signal
 
 __all__ = [
     "Calibration",
@@ -84,6 +84,7 @@ class Calibration:
             tuple(report.notes),
         )
 
+    @checked
     def apply(self, signal: Signal) -> Floats:
         """(n, 3) the corrected samples of a signal, in `unit`."""
         values = signal.values_in(self.unit) if self.unit else signal.values

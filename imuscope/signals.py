@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 Moment = float | datetime.datetime | np.datetime64
 P = ParamSpec("P")
 R = TypeVar("R")
+UNUSABLE = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, OSError)
+"""Errors of arguments of the wrong type or size, and of columns that are gone; the ImuscopeError names the cause."""
 
 
 class ImuscopeError(Exception):
@@ -47,8 +49,11 @@ def choice(option: str, value: str, known: Sequence[str]) -> None:
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """A method whose unknown options, and errors of what it calls, are an ImuscopeError."""
-    own = inspect.signature(function).parameters
+    """The function, which raises ImuscopeError alone: for unknown options, arguments that it cannot use, and errors of
+    files and analyses.
+    """
+    signature = inspect.signature(function)
+    own = signature.parameters
     takes_others = any(one.kind is one.VAR_KEYWORD for one in own.values())
 
     @functools.wraps(function)
@@ -58,11 +63,38 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 near = near_miss(name, [*own][1:])
                 raise ImuscopeError(f"{function.__name__} has no option {name!r}{near}.")
         try:
+            arguments = signature.bind(*args, **options).arguments
+        except TypeError as error:
+            raise ImuscopeError(f"{function.__name__}: {error}.") from None
+        try:
             return function(*args, **options)
         except ExplainedError as error:
             raise ImuscopeError(error.text) from None
+        except UNUSABLE as error:
+            listed = ", ".join(f"{name}={value!r:.60}" for name, value in arguments.items() if name != "self")
+            raise ImuscopeError(f"{function.__name__}({listed}): {str(error) or type(error).__name__}.") from error
 
     return call
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An event of a recording: a loss, a step of a clock, a reset, a note.
+
+    Args:
+        time: unix s.
+        device: id of the device; "" of the recording.
+        kind: one word: "gap", "clock", "reset" …
+        level: "info", "warning" or "error".
+        data: figures of it, by name.
+    """
+
+    time: float
+    device: str
+    kind: str
+    level: str
+    text: str
+    data: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +152,7 @@ class Signal:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return np.array(self.values, dtype, copy=copy)
 
+    @checked
     def __getitem__(self, rows: slice) -> Signal:
         """Some of the samples, by their place: `signal[100:200]`.
 
@@ -177,6 +210,7 @@ class Signal:
         steps = steps[steps > 0]
         return 1 / float(np.median(steps)) if len(steps) else float("nan")
 
+    @checked
     def values_in(self, unit: str) -> Floats:
         """The values in another unit of the same quantity: "rad/s", "g", "m/s²", "T".
 
@@ -197,6 +231,7 @@ class Signal:
         values: Floats = np.asarray(sent.values, np.float64) * (factors[0] if len(factors) == 1 else np.array(factors))
         return values
 
+    @checked
     def in_units(self, units: Units) -> Signal:
         """The same samples in other units.
 
@@ -212,6 +247,7 @@ class Signal:
         [columns] = [one["columns"] for one in store.manifest["channels"] if one["id"] == self._channel]
         return replace(self, units=tuple(columns[at]["unit"] for at in self._own), _store=store)
 
+    @checked
     def column(self, name: str | int) -> NDArray[Any]:
         """(n,) one column, by its name or number.
 
@@ -228,6 +264,7 @@ class Signal:
         parts = list(self._store.values(self._channel, at, self.start, self.stop))
         return _constant(np.concatenate(parts) if parts else np.empty(0, self._store.shapes[self._channel].dtypes[at]))
 
+    @checked
     def between(self, begin: Moment, end: Moment) -> Signal:
         """The samples from `begin` to `end`, both included.
 
@@ -248,6 +285,7 @@ class Signal:
         lo, hi = self._store.between(self._channel, t0, t1)
         return self._part(max(lo, self.start), min(hi, self.stop))
 
+    @checked
     def segments(self) -> list[Signal]:
         """The signal in parts, cut where the clock was set or the device restarted: times rise within each.
 

@@ -25,7 +25,7 @@ ON, OFF = ("1", "", "true", "yes", "on"), ("0", "false", "no", "off")
 _RESERVED = """
 address align allowed_hosts allowed_origins analysis analysis_mb analysis_s anyone attribution away_s baud begin bits
 burst_ms bus_ca bus_certificate bus_ids bus_key bytes_mb channel clock columns command config control_token corrupt
-data date_order device direction domain drift_ppm drop duration end field file fleet fleet_name fleet_server flow
+data date_order device direction domain drift_ppm drop duration end field file files fleet fleet_name fleet_server flow
 format foxglove from from_b gravity help history_s host json jsonl jump_s kind listen log_format log_level loop map
 memory memory_mb message name offset operators option other output packet_stamp pairs parity port product protocol pty
 question rate record record_head recordings_quota_gb rejects remove_unused rerun_connect reset_s robot robots

@@ -18,6 +18,7 @@ complete store (`ProgressPublisher`).
 Memory is bounded by one part and the blocks waiting to be written.
 """
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -304,13 +305,14 @@ def decode(
         RecordingError, OSError: the file cannot be read, or the store cannot be written; nothing is left behind.
     """
     keep_freed_memory()
-    writer = ColumnStoreWriter(folder)
+    writer, files = ColumnStoreWriter(folder), contextlib.ExitStack()
     try:
         if isinstance(source, TableSource):
             return decode_tables(source, writer, progress, ProgressPublisher(shown))
         health_history = HealthHistoryWriter(writer.temporary)
         clock = reading.clock or (sidecar.stored_reading(source.path) or FileReading()).clock
         sink = RecordingSink(writer, health_history, by_arrival=clock == "arrival")
+        files.callback(sink.close)
         showing = ProgressPublisher(shown)
         devices = {name: _Device(sink, name, source, protocol_set, reading, usual) for name in source.devices}
         spans: dict[str, list[int]] = {}
@@ -362,6 +364,7 @@ def decode(
             compute(ColumnStore(writer.show(wire_codec.to_json_safe(manifest))), definitions, sink)
         return writer.finish(wire_codec.to_json_safe(_manifest(source, sink, devices, spans)))
     except BaseException:
+        files.close()
         writer.abandon()
         raise
 
@@ -423,8 +426,10 @@ def _manifest(
             device: {
                 "bytes": sender.stats.bytes.total,
                 "lost": sender.stats.lost,
+                "restarts": sender.stats.restarts,
                 "gaps": sender.stats.gaps,
                 "rejects": sender.stats.rejects,
+                "rejects_by": dict(sender.stats.rejects_by),
                 "messages": {name: meter.total for name, meter in sender.stats.messages.items()},
             }
             for device, sender in figures.items()

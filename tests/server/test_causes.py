@@ -355,6 +355,12 @@ CAUSES = [
         numbered([*range(10, 15), 60_010, *range(15, 35)]),
         numbered([*range(10, 15), *range(1010, 1035)]),
     ),
+    Row(
+        "The sequence numbers went back, so intact frames are left out: the device may have restarted. ",
+        "three frames in a row with old numbers",
+        numbered([*range(5000, 5100), *range(100)]),
+        numbered([*range(5000, 5100), 5090, 5091, *range(5100, 5200), 5150]),
+    ),
     Row("{} lost ({}): the link was down.", "the link's own error", away(is_down=True), away(is_down=False)),
     Row(
         "{} has norm {} instead of 1, so it gives no attitude.",
@@ -398,6 +404,7 @@ NOT_A_CAUSE = {
     "{}, {}: {} of {} samples; of each {} the least and the greatest, so that extremes are kept.": "of the figures",
     "Position left out: {}, {} and {} in texts.": "privacy",
     "[position left out]": "privacy",
+    " Where a counter restarted, the number of lost samples is not known.": "of the sentences above",
 }
 """Sentences that the words of causes are in, and why no stream can make them false."""
 

@@ -98,6 +98,12 @@ class EventReporter:
         text = f"The {gap.counter} moved {how}: the number of lost samples is not known."
         self.report("gap", "error", text, time=t1, span=(t0, t1), data={"counter": gap.counter, "by": "restart"})
 
+    def old_frames(self, time: float) -> None:
+        """Report intact frames that are refused, as their numbers went back."""
+        text = "The sequence numbers went back, so intact frames are left out: the device may have restarted. "
+        text += "The number of lost samples is not known."
+        self.report("gap", "error", text, time=time, data={"counter": "sequence", "by": "restart"})
+
     def gap_withdrawn(self, gap: SampleGap) -> None:
         """Report that samples reported as lost were not."""
         text = (

@@ -29,6 +29,7 @@ class LinkStatistics:
         self.messages: dict[str, RateMeter] = {}
         self.gaps = 0
         self.lost = 0
+        self.restarts = 0  # of a counter: how many samples were lost there is not known
         self.numbered = 0  # samples received that counters number: lost ones are a share of these and themselves
         self._numbered_at = -1  # first offset of the frames that were counted last
         self._window = 0.0, 0  # arrival at its beginning, unix s, and `numbered` then

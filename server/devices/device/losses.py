@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.events import ClockStep, Event, Reply, SampleGap
+from imuscope.protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
 from imuscope.protocols.family.info import OutputChanges
 from imuscope.server import wire
 from imuscope.server.devices.device.event_reporter import EventReporter, LossCause
@@ -28,6 +28,7 @@ FULL_LINK_SHARE = 0.9  # share of a link's capacity above which it may be the ca
 LEFT_OUT_S = 1.0  # between a gap and the arrival of bytes that were left out
 DAMAGED_SHARE = 0.5  # of the bytes of lost frames that arrived: more cannot be expected, as frames have several sizes
 NEIGHBOURS, MIN_NEIGHBOURS = 64, 8  # samples beside a gap from which a rate is taken
+OLD_FRAMES = 3  # in a row: single ones were overtaken or sent twice
 MAX_INTERRUPTIONS = 64  # remembered while no frame arrives
 
 
@@ -63,6 +64,8 @@ class LossReporter:
         self.interruptions: list[tuple[int, tuple[int, str]]] = []
         self._explained: set[int] = set()  # positions of those that a counter has shown
         self.last_offset = self.damaged_at = -1
+        self._sender = ""
+        self._old_frames = 0  # since the last accepted one
         self._doubted = 0  # missing samples by a counter that its clock contradicts, not counted
         self._resets: set[int] = set()  # positions at which the clock restarted, of this drain
         self._offsets: NDArray[np.int64] = np.zeros(0, np.int64)
@@ -77,12 +80,16 @@ class LossReporter:
             del self.interruptions[:-MAX_INTERRUPTIONS]
         self._resets = {event.offset for event in events if isinstance(event, ClockStep) and event.kind == "reset"}
         self._offsets, self._hosts = offsets, hosts
+        self._stats.restarts += len(self._resets) if self._stats.numbered else 0
+        self._sender = next((event.device for event in events if isinstance(event, Batch)), self._sender)
+        old = (event for event in events if isinstance(event, RejectedFrame) and event.reason == "stale")
+        self._note_old_frames([event for event in old if event.device in ("", self._sender)])
         self._drops_before, self._drops = self._drops, self._dropped()
 
     def usual(self, last_time: float, last_offset: int) -> None:
         """Process a drain of samples only, which ends there."""
         self.last_time = last_time if self.last_time is None else max(self.last_time, last_time)
-        self.last_offset, self._drops = last_offset, self._dropped()
+        self.last_offset, self._drops, self._old_frames = last_offset, self._dropped(), 0
 
     def gap(self, gap: SampleGap) -> None:
         """Count and report a gap of this drain."""
@@ -104,6 +111,7 @@ class LossReporter:
         rate = max(_rate(hosts[max(at - NEIGHBOURS, 0) : at]), _rate(hosts[at : at + NEIGHBOURS]))
         if gap.offset in self._resets or not self._stats.can_be_lost(gap.missing, after - before, rate):
             self._doubted += gap.missing
+            self._stats.restarts += gap.offset not in self._resets
             self._events.counter_restarted(gap, before, after, with_clock=gap.offset in self._resets)
             return
         self._stats.lost += gap.missing
@@ -112,6 +120,15 @@ class LossReporter:
         damaged = (gap.offset - begin) / spacing - 1 if self.damaged_at > begin else 0.0
         cause = self._requested(begin, gap.offset) or self._cause((before, after), damaged / gap.missing)
         self._events.gap(gap, before, after, cause)
+
+    def _note_old_frames(self, old: Sequence[RejectedFrame]) -> None:
+        """Count intact frames with old numbers since the last accepted one; several in a row may be a restart."""
+        last = int(self._offsets[-1]) if len(self._offsets) else -1
+        before, run = 0 if last >= 0 else self._old_frames, [one for one in old if one.offset > last]
+        self._old_frames = before + len(run)
+        if before < OLD_FRAMES <= self._old_frames:
+            self._stats.restarts += 1
+            self._events.old_frames(run[OLD_FRAMES - 1 - before].arrival_ns / 1e9)
 
     def end(self) -> None:
         """End a drain with samples; report pauses on request that no counter has shown."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from imuscope.protocols.registry.families import PROTOCOLS
 from imuscope.recordings.columns.store import VERSION as COLUMNS_VERSION
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
@@ -33,6 +34,7 @@ from imuscope.server.library.api_models import RecordedSetting
 from imuscope.server.library.decoder_fingerprint import decoding_mark
 from imuscope.server.library.recorded_settings import settings_of
 from imuscope.server.library.recording_detail import channels_of
+from imuscope.server.library.reject_reasons import EXPLAINED, explained_rejects
 from imuscope.server.version import VERSION
 from imuscope.server.wire import ChannelInfo, ColumnInfo
 
@@ -91,7 +93,9 @@ def content_of(
     for number, curve in enumerate(curves):
         signal = _read(store, curve, t0, t1, request)
         if signal is None:
-            left_out.append(f"{curve.series.signal}: no samples in the range.")
+            count = np.subtract(*store.between(curve.signal.columns[0].info.id, t0, t1, request.base)[::-1])
+            what = f"none of {count} samples in the range is valid" if count else "no samples in the range"
+            left_out.append(f"{curve.series.signal}: {what}.")
         else:
             row = _series(curve, signal, (t0, t1), intervals, blocks, request)
             shown[curve.plot]["series"].append(row)
@@ -99,11 +103,13 @@ def content_of(
     plots_with_data = [plot for plot in shown if plot["series"]]
     if not plots_with_data:
         raise RecordingError(
-            "This range contains nothing to show.",
+            "No sample in this range is valid."
+            if any("is valid" in words for words in left_out)
+            else "This range contains nothing to show.",
             "Choose a longer range or other plots." if n_position == 0 else "Choose plots without positions.",
         )
     devices, n_settings = _devices(store, request.with_position, about.file)
-    events = _events(store, t0, t1)
+    events = _events(store, t0 if request.t0 is not None else -math.inf, t1 if request.t1 is not None else math.inf)
     content = {
         "title": about.title,
         "file": about.file if request.with_position else "",
@@ -254,13 +260,21 @@ def _devices(store: ColumnStore, with_position: bool, file: str) -> tuple[list[d
                 "source": device.get("source", ""),
                 "bytes": counted.get("bytes"),
                 "lost": counted.get("lost"),
+                "restarts": counted.get("restarts", 0),
                 "gaps": counted.get("gaps"),
                 "rejects": counted.get("rejects"),
+                "rejects_by": _reasons(device.get("protocol", ""), counted.get("rejects_by", {})),
                 "messages": sum(counted.get("messages", {}).values()) if counted else None,
                 "settings": fields,
             }
         )
     return devices, removed
+
+
+def _reasons(protocol: str, counts: Mapping[str, int]) -> list[str]:
+    """Why frames were rejected, with their number."""
+    words = explained_rejects(PROTOCOLS[protocol]) if protocol in PROTOCOLS else EXPLAINED
+    return [f"{count} {words.get(reason, reason.replace('_', ' '))}" for reason, count in counts.items()]
 
 
 def _rows(setting: RecordedSetting, with_position: bool) -> list[list[str]]:

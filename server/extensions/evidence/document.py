@@ -186,11 +186,17 @@ def _losses(content: Content) -> str:
     heads = ["device", "bytes", "messages", "samples lost", "gaps", "frames rejected"]
     names = ("bytes", "messages", "lost", "gaps", "rejects")
     rows = [[one["name"], *(_whole(one[name]) for name in names)] for one in content["devices"]]
+    for row, one in zip(rows, content["devices"], strict=True):
+        row[3] += " known" if one["restarts"] else ""
+    hint = "Of the whole recording."
+    if any(one["restarts"] for one in content["devices"]):
+        hint += " Where a counter restarted, the number of lost samples is not known."
+    for one in content["devices"]:
+        hint += f" Rejected frames of {one['name']}: {'; '.join(one['rejects_by'])}." if one["rejects_by"] else ""
     damage = "".join(f"<p>{escape(words)}</p>" for words in content["damage"])
     in_range = [one for one in content["events"] if one["kind"] == "gap"]
     lost = sum(one["samples"] or 0 for one in in_range)
     words = f"<p>In this range: {_count(len(in_range), 'gap')} reported, {_count(lost, 'sample')} lost.</p>"
-    hint = "Of the whole recording. A rejected frame has a wrong checksum or does not fit its format."
     return _section("Losses", _table(heads, rows, numbers=True) + words + damage, hint)
 
 

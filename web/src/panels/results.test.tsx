@@ -12,6 +12,7 @@ import type { App } from "../page/context";
 import { type Opened, openPage } from "../testing/live-page";
 import { recorded } from "../testing/recorded";
 import { DEFAULT_LAYOUT, show } from "../data/layout";
+import type { RecorderState } from "../wire/types";
 import { allPanels } from "./registry";
 
 const FIGURES = {
@@ -132,6 +133,16 @@ const ASKED: Readonly<Record<string, Case>> = {
     open: overlay("shares/dialog"),
     change: otherDevice,
   },
+  notes: {
+    route: /GET \/api\/recordings$/,
+    answer: [{ id: "yard", started: 0, notes: "MARK" }],
+    open: (page) => {
+      const recording: Partial<RecorderState> = { running: true, id: "yard", devices: [], headless: [], bytes: 0 };
+      page.store.recorder.value = recording as RecorderState;
+      shown("notes")(page);
+    },
+    change: ({ store }) => void (store.library.value += 1),
+  },
   "ros2/topics": {
     route: /GET \/api\/ros2/,
     answer: {
@@ -159,7 +170,6 @@ const DRAWN: Readonly<Record<string, string>> = {
   "unknown-payloads": "the newest bytes, in every frame",
   "payloads/dialog": "a form without a result",
   "evidence/dialog": "makes a file of what its choices say, listed with its own title",
-  notes: "text of a person, kept by its revision",
   scene: "a viewer of its own, opened for each device",
   "file-time": "of the open recording alone (extensions/file-time/panel.test.tsx)",
   "file-time/reading": "a recording's form: extensions/file-time/reading.test.ts",
@@ -263,7 +273,7 @@ for (const [id, { route, answer, mark = "MARK", open, change }] of Object.entrie
 
 /** Questions about data, and the files that ask one for something else than a result on screen. */
 const QUESTION =
-  /"(POST \/api\/(analysis|comparison|query|alarms\/(check|preview))|GET [^"]*\/(clocks|calibration|shares))[/"{]/;
+  /"(POST \/api\/(analysis|comparison|query|alarms\/(check|preview))|GET [^"]*\/(clocks|calibration|shares|{robot}\/(settings|rollout)))[/"{]|configureApi\.compare\(/;
 const OTHERWISE: Readonly<Record<string, string>> = {
   "../extensions/analysis/results.tsx": "copies the result as a text, by its own question",
   "../extensions/moments/go-to.tsx": "a place is gone to when it is asked for",

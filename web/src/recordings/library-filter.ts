@@ -45,6 +45,13 @@ export function knownLosses(info: RecordingInfo): number | undefined {
   return lost > 0 || areCounted ? lost : undefined;
 }
 
+/** The losses in words: "—" is not read yet; without a counter only what is known is said, as by the player. */
+export function lossWords(info: RecordingInfo): string {
+  const lost = knownLosses(info);
+  if (lost === undefined) return isKnown(info) ? TEXT.noneKnown : "—";
+  return lost === 0 ? COMMON.none : number(lost, 0);
+}
+
 export function inCategory(info: RecordingInfo, category: Category): boolean {
   if (category === "deleted") return info.deleted !== null;
   if (info.deleted !== null) return false;
@@ -134,7 +141,7 @@ export function flaw(info: RecordingInfo): { readonly tone: "" | "warn" | "bad";
   const [lost, rejects] = [knownLosses(info), rejectsOf(info)];
   if (lost) return { tone: "warn", words: TEXT.lostCount(number(lost, 0)) };
   if (rejects > 0) return { tone: "warn", words: TEXT.rejectCount(rejects) };
-  return { tone: "", words: lost === undefined ? "—" : COMMON.none };
+  return { tone: "", words: lossWords(info) };
 }
 
 const pad = (n: number): string => String(Math.floor(n)).padStart(2, "0");

@@ -25,6 +25,8 @@ export const TEXT = {
   messagesUnit: "messages",
   samples: "samples",
   frames: "frames",
+  noneKnown: "none known",
+  lossesNotCounted: "losses not counted",
   lostCount: (lost: Value) => `${lost} lost`,
   fileNameHint: "File name in the recordings folder. Links to the recording use this name.",
   file: "File",

@@ -3,13 +3,16 @@
 import html
 import re
 import resource
+import struct
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from imuscope.protocols.idtp.frames import build as idtp
 from imuscope.recordings.errors import RecordingError
+from imuscope.server.cli import main
 from imuscope.server.extensions.evidence.content import About
 from imuscope.server.extensions.evidence.document import pieces_of
 from imuscope.server.extensions.evidence.position import REDACTED, Scrubber
@@ -53,6 +56,32 @@ def test_a_short_range_has_every_sample_and_its_figures(tmp_path: Path) -> None:
     assert "Every sample of the range is in this file." in text
     for words in ("0080A1B2", "1.12.0", "kerb", "20 samples lost.", "12\u2009345"):
         assert words in text
+
+
+def evidence_of(folder: Path, data: bytes) -> str:
+    """The text of the evidence of a file of these bytes; "" if none was made."""
+    source, target = folder / "device.bin", folder / "evidence.html"
+    source.write_bytes(data)
+    return re.sub(r"<[^>]+>", " ", target.read_text()) if main(["decode", str(source), "-o", str(target)]) == 0 else ""
+
+
+def test_a_counter_that_restarts_within_a_file_leaves_the_loss_unknown(tmp_path: Path) -> None:
+    """Regression: 1900 intact frames were missing, with "0 lost", no event, and a "wrong checksum"."""
+    numbers = [*range(5000, 5200), *range(190)]
+    frames = (idtp(0, struct.pack("<3f", 0, 0, 9.8), sequence=n, timestamp=10_000 * n, mode=1) for n in numbers)
+    text = evidence_of(tmp_path, b"".join(frames))
+    assert "the device may have restarted" in text
+    assert "0 known" in text
+    assert "the number of lost samples is not known" in text
+    assert "190 intact, but old" in text
+    assert "wrong checksum" not in text
+
+
+def test_quantities_without_a_valid_value_are_called_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Regression: flagged quaternions were "nothing to show. Choose a longer range"."""
+    turned = (idtp(6, struct.pack("<4f", 1.3, 0, 0, 0), sequence=n, timestamp=10_000 * n, mode=1) for n in range(50))
+    assert evidence_of(tmp_path, b"".join(turned)) == ""
+    assert "No sample in this range is valid." in capsys.readouterr().err
 
 
 def test_a_quantity_in_two_messages_is_there_twice(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import type { ComponentChildren } from "preact";
 import type { ViewState } from "../../data/view-state";
 import { type FigureSource, wantedOf } from "../../measure/figure-source";
 import { recordingsApi } from "../../recordings/api";
+import { takeExport } from "../../recordings/exporting";
 import { Button } from "../../ui/controls/button";
 import { Segmented } from "../../ui/controls/choices";
 import { Dialog } from "../../ui/controls/dialog";
@@ -83,9 +84,7 @@ export function EvidenceDialog(props: Props) {
         with_position: !leavesOut.value,
       });
       refused.value = outcome.ok ? undefined : outcome.problem;
-      const { exports } = app.store;
-      if (outcome.ok && !exports.peek().some(({ id }) => id === outcome.value.id))
-        exports.value = [...exports.peek(), outcome.value];
+      if (outcome.ok) takeExport(app)(outcome.value);
       made.value = recording;
     }
     busy.value = false;

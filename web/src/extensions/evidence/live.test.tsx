@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** Evidence of Live. */
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { openPage } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
 
@@ -18,9 +18,11 @@ test("evidence of Live is made of what is in memory, without position where that
   fireEvent.keyDown(document.body, { key: "e" });
   const form = await screen.findByRole("dialog", { name: /^Evidence of Live/ });
   fireEvent.click(within(form).getByLabelText(/^Leave out position/));
+  const clicked = vi.spyOn(HTMLAnchorElement.prototype, "click").mockImplementation(() => {});
   fireEvent.click(within(form).getByRole("button", { name: "Make the file" }));
   const link = await within(form).findByRole("link", { name: "Download" });
   expect(link.getAttribute("download")).toBe(job.file);
+  expect(clicked.mock.instances, "without a second press").toMatchObject([{ download: job.file }]);
   interface Body {
     readonly t0: number;
     readonly t1: number;

@@ -1,12 +1,14 @@
 /** Notes of a recording: a text whose times lead into the plots. Stored with the recording; on Live with the running one. */
 import { useComputed, useSignal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import type { Deps } from "../../page/context";
 import { recordingsApi } from "../../recordings/api";
+import type { RecordingInfo } from "../../wire/recording-types";
 import { Button } from "../../ui/controls/button";
 import type { Panel } from "../../ui/dom/dom";
-import type { HttpProblem } from "../../requests/http";
+import type { Outcome } from "../../requests/http";
 import { ProblemNote } from "../../requests/problem-note";
+import { Answered, useAnswer } from "../../requests/use-answer";
 import { renderedPanel } from "../../panels/panel-host";
 import { TEXT } from "./texts";
 import { clock } from "../../ui/format/format";
@@ -32,35 +34,24 @@ function NotesPanel({ deps }: { readonly deps: Deps }) {
 
 function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   const { actions, cursor, measure } = deps.viewState;
-  /** As stored; undefined until read. */
-  const stored = useSignal<string | undefined>(undefined);
-  /** While they are edited: the text that they replace. */
-  const before = useSignal<string | undefined>(undefined);
-  const started = useSignal<number | undefined>(undefined);
+  /** While they are edited: the text that was begun with, and the one that it replaces. */
+  const edited = useSignal<{ readonly begun: string; readonly base: string } | undefined>(undefined);
+  const cancelled = useSignal(0);
   const theirs = useSignal<string | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
   const field = useRef<HTMLTextAreaElement>(null);
-  /** Counts what sets the stored text: an answer that a later one has overtaken is old. */
-  const turn = useRef(0);
-  const read = async (): Promise<string | undefined> => {
-    const mine = ++turn.current;
+  const read = async (): Promise<Outcome<RecordingInfo> | undefined> => {
     const list = await recordingsApi.list();
-    if (mine !== turn.current) return stored.peek();
-    const info = list.ok ? list.value.find((one) => one.id === id) : undefined;
-    problem.value = list.ok ? undefined : list.problem;
-    if (info === undefined) return undefined;
-    started.value = info.started ?? undefined;
-    stored.value = info.notes;
-    return info.notes;
+    const value = list.ok ? list.value.find((one) => one.id === id) : undefined;
+    return value ? { ok: true, value } : list.ok ? undefined : list;
   };
-  const seen = deps.store.library.value; // incremented when a recording changes
-  // biome-ignore lint/correctness/useExhaustiveDependencies: read again when the library changes
-  useEffect(() => {
-    if (before.peek() === undefined) void read();
-  }, [id, seen]);
-  const isEditing = before.value !== undefined;
+  const isEditing = edited.value !== undefined;
+  const { library } = deps.store; // incremented when a recording changes; not looked at while one writes
+  const turn = useRef(0);
+  if (!isEditing) turn.current = library.value;
+  const stored = useAnswer(`${id} ${turn.current} ${cancelled.value}`, read);
   useLayoutEffect(() => field.current?.focus(), [isEditing]);
-  const first = deps.recording ? (actions.bounds()?.first ?? started.value) : started.value;
+  const started = stored.answer?.started ?? undefined;
+  const first = deps.recording ? (actions.bounds()?.first ?? started) : started;
   const go = (t0: number, t1: number | undefined): void => {
     if (t1 !== undefined) actions.select(t0 - MARGIN_SHARE * (t1 - t0), t1 + MARGIN_SHARE * (t1 - t0));
     else if (!deps.jump) actions.centreAt(t0);
@@ -80,47 +71,45 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
   };
   const save = async (): Promise<void> => {
     const notes = field.current?.value ?? "";
-    const outcome = await recordingsApi.edit(id, { notes, notes_before: before.peek() ?? "" });
-    problem.value = outcome.ok ? undefined : outcome.problem;
-    if (outcome.ok) {
-      turn.current++;
-      stored.value = outcome.value.notes;
-      before.value = theirs.value = undefined;
-    } else if (outcome.problem.kind === CHANGED) {
-      const conflict = outcome.problem;
-      const now = await read(); // what is saved next replaces the text that is shown below
-      before.value = theirs.value = now ?? "";
-      problem.value = conflict;
-    }
+    const change = recordingsApi.edit(id, { notes, notes_before: edited.peek()?.base ?? "" });
+    if (await stored.send(change)) edited.value = theirs.value = undefined;
+    const outcome = await change;
+    if (outcome.ok || outcome.problem.kind !== CHANGED) return;
+    const now = await read(); // what is saved next replaces the text that is shown below
+    theirs.value = now?.ok ? now.value.notes : "";
+    edited.value = { begun: edited.peek()?.begun ?? "", base: theirs.value };
   };
   const cancel = (): void => {
-    before.value = theirs.value = problem.value = undefined;
-    void read(); // changes by other users were not checked
+    edited.value = theirs.value = undefined;
+    cancelled.value++; // changes by other users were not checked
   };
-  const note = problem.value && <ProblemNote problem={problem.value} />;
-  if (stored.value === undefined) return note ?? <p class="foot-note dim" aria-busy="true" />;
-  if (before.value === undefined) {
+  if (edited.value === undefined) {
     return (
       <div class="notes-panel text-sm">
-        <p class="notes-text">
-          {stored.value === "" && <span class="dim">{TEXT.empty}</span>}
-          {piecesOf(stored.value, first ?? 0).map(({ text, t0, t1 }, k) =>
-            t0 === undefined ? (
-              text
-            ) : (
-              <button type="button" class="notes-time" key={k} onClick={() => go(t0, t1)}>
-                {text}
-              </button>
-            ),
+        <Answered of={stored} waiting={<p class="foot-note dim" aria-busy="true" />}>
+          {({ notes }) => (
+            <>
+              <p class="notes-text">
+                {notes === "" && <span class="dim">{TEXT.empty}</span>}
+                {piecesOf(notes, first ?? 0).map(({ text, t0, t1 }, k) =>
+                  t0 === undefined ? (
+                    text
+                  ) : (
+                    <button type="button" class="notes-time" key={k} onClick={() => go(t0, t1)}>
+                      {text}
+                    </button>
+                  ),
+                )}
+              </p>
+              <Button
+                changes
+                look="small edge"
+                words={notes === "" ? TEXT.write : TEXT.edit}
+                onClick={() => (edited.value = { begun: notes, base: notes })}
+              />
+            </>
           )}
-        </p>
-        {note}
-        <Button
-          changes
-          look="small edge"
-          words={stored.value === "" ? TEXT.write : TEXT.edit}
-          onClick={() => (before.value = stored.peek())}
-        />
+        </Answered>
       </div>
     );
   }
@@ -143,9 +132,9 @@ function Notes({ deps, id }: { readonly deps: Deps; readonly id: string }) {
         placeholder={TEXT.placeholder}
         maxLength={20_000}
         rows={6}
-        defaultValue={stored.peek()}
+        defaultValue={edited.value.begun}
       />
-      {note}
+      {stored.problem && <ProblemNote problem={stored.problem} />}
       {theirs.value !== undefined && (
         <>
           <p class="dim">{TEXT.changed}</p>

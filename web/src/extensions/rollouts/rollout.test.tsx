@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** One profile for several devices: what is ticked is written, to the chosen devices, and the result of each is shown. */
 import { fireEvent, screen, waitFor, within } from "@testing-library/preact";
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import type { CompareRequest, Difference, SnapshotBody } from "../../wire/form-types";
 import { openConfigure } from "../../testing/configure-page";
 import { recorded } from "../../testing/recorded";
@@ -57,6 +57,20 @@ test("only the ticked differences are written, and of one without any nothing", 
   const bodies = bodiesOf(page, "/api/devices/1/compare").slice(before);
   expect(bodies).toHaveLength(2); // of the table, and of the device that it would be written to
   for (const body of bodies) expect(body).toMatchObject({ take: { [row.key]: false } });
+});
+
+/** Regression: until the answer to a tick had come, the button wrote what had been ticked before. */
+test("nothing is written by a comparison of other ticks", async () => {
+  const [, same] = Object.entries(known.answers).find(([key]) => key.includes("/compare {")) ?? [];
+  const other = { setting: "OutputConfiguration", path: "outputs.3", title: "Acceleration", unit: "Hz" };
+  const row = { ...other, left: "50 Hz", right: "100 Hz", left_value: 50, right_value: 100, ...TAKEN };
+  const found = { ...(same as Difference), rows: [row], changes: { OutputConfiguration: { outputs: [] } } };
+  await openConfigure("xbus", { place: "compare/~factory", answers: { "POST /api/devices/1/compare": found } });
+  await waitFor(() => expect(button("Apply this profile").disabled).toBe(false));
+  vi.stubGlobal("fetch", () => new Promise(() => {}));
+  fireEvent.click(find(".difference-table .tick input"));
+  await waitFor(() => expect(button("Apply this profile").disabled).toBe(true));
+  expect(find(".rollout table").hasAttribute("data-old")).toBe(true);
 });
 
 /** Regression: the differences of the selected device were written to all, and only its result was reported. */

@@ -3,12 +3,12 @@
  * of the device, whose result is shown in its row. The ticks of the device that the page is about stand in the comparison above.
  */
 import { effect, type Signal, signal, useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference, SideRef } from "../../wire/form-types";
 import type { Present } from "../../forms/edits";
 import { Button } from "../../ui/controls/button";
 import type { Outcome, HttpProblem } from "../../requests/http";
+import { useAnswer } from "../../requests/use-answer";
 import { Message } from "../../ui/controls/message";
 import { fullName, shortName } from "../../wire/device-name";
 import type { DeviceInfo, Job } from "../../wire/types";
@@ -51,29 +51,26 @@ type Ticks = Readonly<Record<string, Take>>;
 export function RolloutSection({ model, store, others, side, take, title }: ComparisonActionProps) {
   const own = model.device.value;
   const devices = [...(own ? [own] : []), ...others].filter(({ id }) => refFor(side, "", model.id, id) !== undefined);
-  const checks = useSignal<Checks>({});
   const isOwnTicked = useSignal(side !== "device");
   const ticks = useSignal<Ticks>({});
   const results = resultsOf(store);
   const text = model.file.value?.text ?? "";
   const finished = devices.map(({ id }) => `${id}:${store.jobs.value.get(id)?.done[0]?.id ?? 0}`).join();
-  // biome-ignore lint/correctness/useExhaustiveDependencies: what is read besides is the newest, and no reason to begin again
-  useEffect(() => {
-    let stale = false;
-    for (const { id } of devices) {
+  const question = JSON.stringify([side, text, finished, take, ticks.value]);
+  const asked = useAnswer<Checks>(question, async () => {
+    const each = devices.map(async ({ id }): Promise<readonly (readonly [string, Check])[]> => {
       const right = refFor(side, text, model.id, id);
-      if (right === undefined) continue;
       const chosen = id === model.id ? { take } : { take: ticks.value[id] ?? {}, take_rest: false as const };
-      void compared(id, right, chosen).then((answer) => {
-        if (!stale) checks.value = { ...checks.peek(), [id]: answer };
-      });
-    }
-    return () => {
-      stale = true;
-    };
-  }, [side, text, finished, take, ticks.value]);
+      return right === undefined ? [] : [[id, await compared(id, right, chosen)]];
+    });
+    return { ok: true, value: Object.fromEntries((await Promise.all(each)).flat()) };
+  });
+  const checks = asked.answer ?? {};
   if (devices.length === 0) return null;
-  const ready = devices.filter(({ id }) => (id !== model.id || isOwnTicked.value) && isReady(checks.value[id]));
+  // not by an answer to other ticks: it would write what is not ticked any more
+  const ready = asked.isOld
+    ? []
+    : devices.filter(({ id }) => (id !== model.id || isOwnTicked.value) && isReady(checks[id]));
   /** All differences of a device, but for what distinguishes one sensor from another; or none. */
   const tickAll = async (id: string, isOn: boolean): Promise<void> => {
     if (id === model.id) {
@@ -92,7 +89,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
   return (
     <section class="rollout" aria-label={TEXT.applyProfile}>
       <h3>{TEXT.applyTitleTo(title)}</h3>
-      <table>
+      <table class="result" data-old={asked.isOld || undefined} aria-busy={asked.isOld}>
         <TableHead
           of={[
             { text: <span class="visually-hidden">{TEXT.selected}</span> },
@@ -106,7 +103,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
               model={model}
               store={store}
               device={device}
-              check={checks.value[device.id]}
+              check={checks[device.id]}
               isTicked={device.id === model.id && isOwnTicked.value}
               tickAll={(isOn) => void tickAll(device.id, isOn)}
               tick={(key, isOn) => tick(device.id, key, isOn)}
@@ -120,7 +117,7 @@ export function RolloutSection({ model, store, others, side, take, title }: Comp
           look="main"
           words={ready.length > 1 ? TEXT.applyToDevices(ready.length) : TEXT.applyProfile}
           disabled={isViewOnly.value || ready.length === 0}
-          onClick={() => ask(model, ready, title, checks.value, results)}
+          onClick={() => ask(model, ready, title, checks, results)}
         />
         <span class="dim">{TEXT.rolloutSteps}</span>
         {Object.keys(results.value).length > 0 && (

@@ -9,6 +9,7 @@ import type { WorkspaceSession } from "../../workspace/session";
 import { parseForeign } from "../../wire/foreign-text";
 import { fromExtensions } from "../../extension/extension";
 import { isObject } from "../../data/json";
+import { download } from "../../ui/dom/download";
 
 /** Largest file that is read, bytes: that of the server. */
 const MAX_FILE = 256 * 1024;
@@ -78,12 +79,10 @@ export async function setDefault(family: string, name: string | null): Promise<H
 export async function exportFile(session: WorkspaceSession, devices: readonly DeviceInfo[]): Promise<string> {
   const { workspace, said } = await accompanied(workspaceOf(session.view, withoutMoment), devices);
   const text = JSON.stringify(workspace, null, 1);
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
+  const address = URL.createObjectURL(new Blob([text], { type: "application/json" }));
   const name = currentOf(session).peek()?.name ?? "workspace";
-  link.download = `${name.replace(/[^\p{L}\p{N} _.-]+/gu, "-")}.json`;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  download(address, `${name.replace(/[^\p{L}\p{N} _.-]+/gu, "-")}.json`);
+  setTimeout(() => URL.revokeObjectURL(address), 1000);
   return said;
 }
 

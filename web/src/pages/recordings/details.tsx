@@ -9,6 +9,7 @@ import {
   isKnown,
   knownDevices,
   knownLosses,
+  lossWords,
   length,
   messagesOf,
   rejectsOf,
@@ -147,7 +148,7 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
     [TEXT.length, length(info.duration), ""],
     [TEXT.size, size.value, size.unit],
     [TEXT.messages, number(messagesOf(info), 0), ""],
-    [COMMON.lost, number(knownLosses(info), 0), TEXT.samples],
+    [COMMON.lost, lossWords(info), knownLosses(info) ? TEXT.samples : ""],
     [COMMON.rejects, number(isKnown(info) ? rejectsOf(info) : undefined, 0), TEXT.frames],
     [COMMON.markers, number(info.markers, 0), ""],
   ];
@@ -178,6 +179,9 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
               {number(device.messages ?? undefined, 0)}
               <span class="unit">{TEXT.messagesUnit}</span>
             </span>
+            {device.lost === 0 && isKnown(info) && !device.counts_losses && (
+              <span class="dim">{TEXT.lossesNotCounted}</span>
+            )}
             {device.lost > 0 && (
               <span class="tag warn" data-about="time" data-recording={info.id}>
                 {TEXT.lostCount(number(device.lost, 0))}

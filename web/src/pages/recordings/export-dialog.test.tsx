@@ -70,7 +70,11 @@ test("range, format and channels are chosen, shown and requested", async () => {
     base: "device",
   });
   await waitFor(() => expect(screen.getByRole("progressbar")).toBeTruthy());
+  const saved = vi.spyOn(HTMLAnchorElement.prototype, "click").mockImplementation(() => {});
   store.exports.value = [{ ...job, state: "done", size: 1_234_000, progress: 1 }];
+  expect(saved.mock.instances).toMatchObject([{ download: job.file }]); // without a second press
+  store.exports.value = [...store.exports.value];
+  expect(saved).toHaveBeenCalledTimes(1);
   const link = await screen.findByRole("link", { name: "Download" });
   expect(link.getAttribute("download")).toBe(job.file);
 });

@@ -14,7 +14,7 @@ import { capabilities } from "../../wire/capabilities";
 import type { ExportCapability } from "../../wire/capability-types";
 import type { App } from "../../page/context";
 import { Jobs } from "./export-jobs";
-import { type Exporting, exportingOf, type ExportRange } from "../../recordings/exporting";
+import { type Exporting, exportingOf, type ExportRange, takeExport } from "../../recordings/exporting";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
 import "./export.css";
@@ -58,9 +58,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
       units: hasUnits ? units.value : "shown",
     });
     problem.value = outcome.ok ? undefined : outcome.problem;
-    const { exports } = app.store;
-    if (outcome.ok && !exports.peek().some(({ id }) => id === outcome.value.id))
-      exports.value = [...exports.peek(), outcome.value];
+    if (outcome.ok) takeExport(app)(outcome.value);
     busy.value = false;
   };
   const n = channels?.length ?? detail?.channels.length;

@@ -8,6 +8,7 @@ import { placeHref } from "../../../page/permalink";
 import { Button } from "../../../ui/controls/button";
 import { OptionList, Segmented, type ChoiceOption } from "../../../ui/controls/choices";
 import { copyText } from "../../../ui/dom/copy";
+import { download } from "../../../ui/dom/download";
 import { Help } from "../../../pages/help";
 import { Icon } from "../../../ui/controls/icons";
 import { Message } from "../../../ui/controls/message";
@@ -239,7 +240,7 @@ function Answer({ app, state, answer }: AnswerProps) {
         <Menu
           title={TEXT.download}
           options={FORMATS.map((one) => [one, TEXT.formats[one]])}
-          onChoose={(format) => void download(state, format)}
+          onChoose={(format) => void downloadAnswer(state, format)}
         />
       </div>
       {answer.rows.length === 0 ? (
@@ -255,16 +256,14 @@ function Answer({ app, state, answer }: AnswerProps) {
   );
 }
 
-async function download(state: Questions, format: FileFormat): Promise<void> {
+async function downloadAnswer(state: Questions, format: FileFormat): Promise<void> {
   state.notice.value = TEXT.downloading(TEXT.formats[format]);
   const blob = await state.file(format);
   state.notice.value = "";
   if (!blob) return;
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = `answer.${format}`;
-  link.click();
-  URL.revokeObjectURL(link.href);
+  const address = URL.createObjectURL(blob);
+  download(address, `answer.${format}`);
+  URL.revokeObjectURL(address);
 }
 
 /** Opens a recording of the store at a moment; it is fetched into the library of this server first, if it is not there. */

@@ -1,9 +1,8 @@
 /** In the settings of a robot: applying the profile to its group, and the newest rollout of that profile. */
-import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import type { RobotSummary, RolloutHead } from "../../../wire/routes";
 import { Button } from "../../../ui/controls/button";
 import { request } from "../../../requests/http";
+import { useAnswer } from "../../../requests/use-answer";
 import { TEXT } from "./rollout-texts";
 
 /** Pause between two requests while a rollout is under way, ms. */
@@ -19,28 +18,18 @@ interface Props {
 }
 
 export function GroupRollout({ robot, device, open, isShown }: Props) {
-  const last = useSignal<RolloutHead | undefined>(undefined);
   const of = robot.devices.find(({ id }) => id === device);
   const { product = "", protocol = "" } = of ?? {};
-  useEffect(() => {
-    let timer: ReturnType<typeof setTimeout> | undefined;
-    let isOver = isShown;
-    const ask = async (): Promise<void> => {
-      const outcome = await request("GET /api/fleet/rollouts");
-      if (isOver) return;
-      if (outcome.ok)
-        last.value = outcome.value.find(
-          (one) => one.group === robot.group && one.product === product && one.protocol === protocol,
-        );
-      if (last.value?.state === "running") timer = setTimeout(() => void ask(), ASK_MS);
-    };
-    if (!isShown) void ask();
-    return () => {
-      isOver = true;
-      clearTimeout(timer);
-    };
-  }, [robot.group, product, protocol, isShown, last]);
-  const found = last.value;
+  const newestOf = (all: readonly RolloutHead[] | undefined): RolloutHead | undefined =>
+    all?.find((one) => one.group === robot.group && one.product === product && one.protocol === protocol);
+  const asked = useAnswer(
+    isShown ? "" : `${robot.group} ${product} ${protocol}`,
+    () => request("GET /api/fleet/rollouts"),
+    {
+      everyMs: (all) => (newestOf(all)?.state === "running" ? ASK_MS : undefined),
+    },
+  );
+  const found = newestOf(asked.answer);
   return (
     <div class="fleet-profile control-row">
       <Button changes look="edge" words={TEXT.open} onClick={() => open(undefined)} />

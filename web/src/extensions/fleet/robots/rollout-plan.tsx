@@ -1,12 +1,13 @@
 /** Plan of a rollout: which robots, which of their settings, in which waves; starting it needs a name. */
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useRef } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
 import { Button } from "../../../ui/controls/button";
 import { type HttpProblem, request } from "../../../requests/http";
 import { Message } from "../../../ui/controls/message";
 import { storedName, storeName } from "../../../requests/person-name";
 import { ProblemNote } from "../../../requests/problem-note";
+import { Answered, useAnswer } from "../../../requests/use-answer";
 import type { DeviceLeftOut, PlannedDevice, RolloutChanges, RolloutPlan } from "../../../wire/routes";
 import { TableHead } from "../../../ui/controls/table-head";
 import { TEXT as FLEET } from "./texts";
@@ -27,63 +28,44 @@ interface Props {
 }
 
 export function RolloutPlanForm({ robot, device, follow }: Props) {
-  const plan = useSignal<RolloutPlan | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
+  /** Why it was not started. */
+  const refused = useSignal<HttpProblem | undefined>(undefined);
   const waves = useSignal(WAVES);
   const isBusy = useSignal(false);
-  const ask = async (): Promise<boolean> => {
+  const turn = useSignal(0);
+  const asked = useAnswer(JSON.stringify([robot, device, waves.value, turn.value]), async () => {
     const query = { device, waves: waves.peek() };
     const outcome = await request("GET /api/fleet/robots/{robot}/rollout", { path: { robot }, query });
-    if (!outcome.ok) problem.value = outcome.problem;
-    else if (outcome.value.running !== null) follow(outcome.value.running);
-    else plan.value = outcome.value;
-    return outcome.ok;
-  };
-  // biome-ignore lint/correctness/useExhaustiveDependencies: asked once; other waves ask themselves
-  useEffect(() => {
-    void ask();
-  }, [robot, device]);
-  const change = async (text: string): Promise<void> => {
-    waves.value = text;
-    if (await ask()) problem.value = undefined;
-  };
+    if (!outcome.ok || outcome.value.running === null) return outcome;
+    follow(outcome.value.running);
+    return undefined;
+  });
+  const plan = asked.isOld ? undefined : asked.answer;
+  const known = useRef(0); // the fields stay while waves are refused that were typed into one of them
+  known.current = asked.answer?.devices.length ?? known.current;
   /** By its button alone: Enter in a field, which ends the typing of the waves, starts nothing. */
   const submit = async (form: HTMLFormElement | null): Promise<void> => {
     if (form === null || !form.reportValidity()) return;
     const given = new FormData(form);
     const by = String(given.get("by") ?? "").trim();
-    if (by === "" || plan.value === undefined || isBusy.value) return;
+    if (by === "" || plan === undefined || isBusy.value) return;
     storeName(by);
     isBusy.value = true;
     const how = { waves: String(given.get("waves") ?? WAVES), watch_s: Number(given.get("watch_s") ?? WATCH_S) };
-    const body = { device, plan: plan.value.id, by, ...how };
+    const body = { device, plan: plan.id, by, ...how };
     const outcome = await request("POST /api/fleet/robots/{robot}/rollout", { path: { robot }, body });
     isBusy.value = false;
-    problem.value = outcome.ok ? undefined : outcome.problem;
+    refused.value = outcome.ok ? undefined : outcome.problem;
     if (outcome.ok) follow(outcome.value.id);
-    else await ask();
+    else turn.value++;
   };
-  const found = plan.value;
-  if (found === undefined) {
-    return problem.value ? <ProblemNote problem={problem.value} /> : <p class="dim">{TEXT.comparing}</p>;
-  }
-  const n = found.devices.length;
+  const n = known.current;
+  const problem = refused.value ?? asked.problem;
   return (
     <form class="stacked" onSubmit={(event) => event.preventDefault()}>
-      <p>
-        {n > 0 ? TEXT.differs(n, found.product, found.group) : TEXT.nothing(found.product, found.group)}{" "}
-        <span class="dim">
-          {TEXT.same(found.same)} {TEXT.origin(found.profile.robot, found.profile.by, dateWords(found.profile.time))}
-        </span>
-      </p>
-      {found.changes.map((one, place) => (
-        <Changes
-          key={JSON.stringify(one)}
-          changes={one}
-          devices={found.devices.filter(({ change }) => change === place)}
-        />
-      ))}
-      {found.left_out.length > 0 && <LeftOut devices={found.left_out} isOpen={n === 0} />}
+      <Answered of={{ ...asked, problem: undefined }} waiting={!asked.problem && <p class="dim">{TEXT.comparing}</p>}>
+        {(found) => <Plan found={found} />}
+      </Answered>
       {n > 0 && (
         <>
           <div class="rollout-how">
@@ -96,7 +78,10 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
                 required
                 title={TEXT.wavesHint}
                 defaultValue={WAVES}
-                onChange={(event) => void change(event.currentTarget.value)}
+                onChange={(event) => {
+                  waves.value = event.currentTarget.value;
+                  refused.value = undefined;
+                }}
               />
             </label>
             <label class="labelled">
@@ -128,23 +113,45 @@ export function RolloutPlanForm({ robot, device, follow }: Props) {
               />
             </label>
           </div>
-          <p class="dim">{sizesOf(found.waves)}</p>
+          {asked.answer && <p class="dim">{sizesOf(asked.answer.waves)}</p>}
           <p class="dim">{TEXT.promise}</p>
         </>
       )}
-      {problem.value && <ProblemNote problem={problem.value} />}
+      {problem && <ProblemNote problem={problem} />}
       {n > 0 && (
         <div class="ends">
           <Button
             changes
             look="main"
             words={TEXT.start(n)}
-            disabled={isBusy.value}
+            disabled={isBusy.value || plan === undefined}
             onClick={(event) => void submit(event.currentTarget.form)}
           />
         </div>
       )}
     </form>
+  );
+}
+
+function Plan({ found }: { readonly found: RolloutPlan }) {
+  const n = found.devices.length;
+  return (
+    <>
+      <p>
+        {n > 0 ? TEXT.differs(n, found.product, found.group) : TEXT.nothing(found.product, found.group)}{" "}
+        <span class="dim">
+          {TEXT.same(found.same)} {TEXT.origin(found.profile.robot, found.profile.by, dateWords(found.profile.time))}
+        </span>
+      </p>
+      {found.changes.map((one, place) => (
+        <Changes
+          key={JSON.stringify(one)}
+          changes={one}
+          devices={found.devices.filter(({ change }) => change === place)}
+        />
+      ))}
+      {found.left_out.length > 0 && <LeftOut devices={found.left_out} isOpen={n === 0} />}
+    </>
   );
 }
 

@@ -8,6 +8,7 @@ import { answering, recorded } from "../../../testing/recorded";
 import type { DeviceSettingsCheck, FleetRobots, Rollout, RolloutDevice, RolloutPlan } from "../../../wire/routes";
 import { serverKind } from "../server-kind";
 import { GroupRollout } from "./group-rollout";
+import { RolloutPlanForm } from "./rollout-plan";
 
 const PATIENCE = { timeout: 30_000 };
 const PROFILE = { robot: "heron", device: "A-100", by: "Ben", time: 1_700_000_000 };
@@ -118,6 +119,28 @@ test("a plan is shown, started with a name, followed and stopped", async () => {
   fireEvent.click(await screen.findByRole("button", { name: "Rollout 3 by Ada: failed" }, PATIENCE));
   const again = await screen.findByRole("dialog", {}, PATIENCE);
   await waitFor(() => expect(again.textContent).toContain("It delivered 3 samples/s."), PATIENCE);
+});
+
+test("waves that are refused leave no plan of others, and can be typed again", async () => {
+  const refusal = { kind: "bad-value", message: "REFUSED", hint: "" };
+  let isRefused = false;
+  answering({
+    "GET /api/fleet/robots/otter/rollout": () => (isRefused ? Response.json(refusal, { status: 422 }) : PLAN),
+  });
+  render(<RolloutPlanForm robot="otter" device="1" follow={() => undefined} />);
+  const start = await screen.findByRole<HTMLButtonElement>("button", { name: "Apply to 3 devices" });
+  const type = (words: string): void =>
+    void fireEvent.change(screen.getByLabelText("Waves"), { target: { value: words } });
+  fireEvent.input(screen.getByLabelText("Your name"), { target: { value: "Ada" } });
+  isRefused = true;
+  type("0");
+  await screen.findByText("REFUSED");
+  expect([screen.queryByText("otter, seal"), start.disabled]).toEqual([null, true]);
+  isRefused = false;
+  type("1, 2");
+  await waitFor(() => expect(start.disabled).toBe(false));
+  expect([screen.queryByText("REFUSED"), screen.queryByText("otter, seal") === null]).toEqual([null, false]);
+  expect(screen.getByLabelText<HTMLInputElement>("Your name").value).toBe("Ada");
 });
 
 test("a rollout is followed further after a question without an answer", async () => {

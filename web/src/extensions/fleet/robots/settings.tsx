@@ -1,10 +1,9 @@
 /** Settings of a robot against the profile of its group: what differs, and making them the profile. */
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { dateWords } from "../../../recordings/library-filter";
 import { Button } from "../../../ui/controls/button";
-import { type Outcome, type HttpProblem, request } from "../../../requests/http";
-import { ProblemNote } from "../../../requests/problem-note";
+import { type Outcome, request } from "../../../requests/http";
+import { Answered, useAnswer } from "../../../requests/use-answer";
 import type { DeviceSettingsCheck, RobotSummary } from "../../../wire/routes";
 import type { Fleet } from "./fleet-state";
 import { GroupRollout } from "./group-rollout";
@@ -18,21 +17,12 @@ const RolloutDialog = late(async () => (await import("./rollout-dialog")).Rollou
 type Answer = Outcome<readonly DeviceSettingsCheck[]>;
 
 export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; readonly fleet: Fleet }) {
-  const checks = useSignal<readonly DeviceSettingsCheck[] | undefined>(undefined);
-  const problem = useSignal<HttpProblem | undefined>(undefined);
   const isOpen = useSignal(false);
   const rolling = useSignal<{ readonly device: string; readonly rollout: number | undefined } | undefined>(undefined);
-  const take = (outcome: Answer): boolean => {
-    problem.value = outcome.ok ? undefined : outcome.problem;
-    if (outcome.ok) checks.value = outcome.value;
-    return outcome.ok;
-  };
-  const shown = [robot.settings, robot.drifted, ...robot.devices.map((one) => one.settings)].join(" ");
-  // biome-ignore lint/correctness/useExhaustiveDependencies: asked again when the robot has changed, not with each drawing
-  useEffect(() => {
-    if (!isOpen.value) return;
-    void request("GET /api/fleet/robots/{robot}/settings", { path: { robot: robot.name } }).then(take);
-  }, [isOpen.value, robot.name, shown]);
+  const shown = [robot.name, robot.settings, robot.drifted, ...robot.devices.map((one) => one.settings)].join(" ");
+  const asked = useAnswer(isOpen.value ? shown : "", () =>
+    request("GET /api/fleet/robots/{robot}/settings", { path: { robot: robot.name } }),
+  );
   const settings = (
     <details
       class="fleet-events fleet-settings"
@@ -41,31 +31,36 @@ export function SettingsCheck({ robot, fleet }: { readonly robot: RobotSummary; 
       }}
     >
       <summary>{TEXT.compare}</summary>
-      {problem.value && <ProblemNote problem={problem.value} />}
-      {checks.value?.length === 0 && <p class="dim">{TEXT.noDevice}</p>}
-      {checks.value?.map((check) => (
-        <section key={check.device}>
-          <h4>{check.name}</h4>
-          <Check check={check} />
-          {check.profile && (
-            <GroupRollout
-              robot={robot}
-              device={check.device}
-              open={(rollout) => (rolling.value = { device: check.device, rollout })}
-              isShown={rolling.value !== undefined}
-            />
-          )}
-          <Profile
-            check={check}
-            send={async (change) => {
-              if (!take(await change)) return false;
-              fleet.retry();
-              return true;
-            }}
-            robot={robot.name}
-          />
-        </section>
-      ))}
+      <Answered of={asked}>
+        {(checks) => (
+          <>
+            {checks.length === 0 && <p class="dim">{TEXT.noDevice}</p>}
+            {checks.map((check) => (
+              <section key={check.device}>
+                <h4>{check.name}</h4>
+                <Check check={check} />
+                {check.profile && (
+                  <GroupRollout
+                    robot={robot}
+                    device={check.device}
+                    open={(rollout) => (rolling.value = { device: check.device, rollout })}
+                    isShown={rolling.value !== undefined}
+                  />
+                )}
+                <Profile
+                  check={check}
+                  send={async (change) => {
+                    const isMade = await asked.send(change);
+                    if (isMade) fleet.retry();
+                    return isMade;
+                  }}
+                  robot={robot.name}
+                />
+              </section>
+            ))}
+          </>
+        )}
+      </Answered>
     </details>
   );
   return (
