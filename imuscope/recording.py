@@ -392,7 +392,7 @@ class Recording:
 
         choice("units", units, UNITS)
         names = (signals,) if isinstance(signals, str) else signals
-        chosen = tuple(self[name].name for name in names)
+        chosen = tuple(self[name]._channel for name in names)  # noqa: SLF001 - of this package
         part = DecodedPart(begin_s, end_s, self._device_id(device), chosen, units=units)
         return export_columns(self._store, self.path, Path(out), part)
 

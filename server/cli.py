@@ -149,7 +149,7 @@ def _inspect(options: argparse.Namespace) -> None:
     except OSError as error:
         if isinstance(error, BrokenPipeError) or error.errno in UNWRITABLE:
             raise
-        raise UsageError(str(error)) from None
+        raise UsageError(f"{path}: {(error.strerror or str(error)).lower()}") from None
 
 
 def _compose(options: argparse.Namespace) -> None:

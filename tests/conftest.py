@@ -351,7 +351,10 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
             address = message.location.get("url", "")
             is_shared = "/api/workspaces/" in address or "/api/recordings/" in address
             changed = "status of 412" in message.text and is_shared
-            if not question and not changed:  # it needs confirmation before it writes, and the page shows the dialog
+            gone = "status of 404" in message.text and "/api/analysis/" in address  # of what was just removed
+            if (
+                not question and not changed and not gone
+            ):  # it needs confirmation before it writes, and the page shows the dialog
                 complaints.append(f"console: {message.text} ({message.location.get('url', 'no address')})")
 
     def connected(socket: WebSocket) -> None:

@@ -75,7 +75,7 @@ class DecodedPart:
     begin_s: float = 0.0
     end_s: float | None = None
     device: str = ""
-    signals: tuple[str, ...] = ()
+    signals: tuple[str | int, ...] = ()
     with_position: bool = True
     units: Units = "shown"
 
@@ -221,12 +221,15 @@ def _export_request(columns: ColumnStore, path: Path, part: DecodedPart) -> Expo
     if not part.signals:
         return ExportRequest(columns, path, path.name, t0, t1, device=part.device)
     kinds = [*manifest["channels"], *manifest.get("payloads", ())]
-    names = {name: None for one in kinds for name in (one["name"], one["message"], one["title"])}
+    names = {name: None for one in kinds for name in (one["id"], one["name"], one["message"], one["title"])}
     for name in part.signals:
         if name not in names:
-            near = difflib.get_close_matches(name, names, 5, 0.4) or list(names)[:5]
+            known = [one for one in names if isinstance(one, str)]
+            near = difflib.get_close_matches(str(name), known, 5, 0.4) or known[:5]
             raise UsageError(f"{path.name} has no signal {name!r}; nearest are: {', '.join(near)}")
-    chosen = tuple(one["id"] for one in kinds if {one["name"], one["message"], one["title"]} & set(part.signals))
+    chosen = tuple(
+        one["id"] for one in kinds if {*part.signals} & {one[key] for key in ("id", "name", "message", "title")}
+    )
     return ExportRequest(columns, path, path.name, t0, t1, chosen, part.device)
 
 

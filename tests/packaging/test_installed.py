@@ -19,6 +19,8 @@ from tests.support.server_process import tied
 from tests.support.source_files import ROOT
 from tests.support.timeouts import PATIENCE_S
 
+BUILT_S = 5 * PATIENCE_S  # a compiler may run
+
 FOREIGN = {"server/__init__.py": "", "protocols.py": "", "recordings/__init__.py": "", "tests/__init__.py": ""}
 RAISES = "raise RuntimeError(f'{__name__} of a robot was imported by imuscope')\n"
 
@@ -44,7 +46,7 @@ def installed(source_distribution: Path, tmp_path_factory: pytest.TempPathFactor
 def build(source: Path, folder: Path, *options: str) -> Path:
     """The file that `uv build` makes of a source."""
     command = [sys.executable, "-m", "uv", "build", "--quiet", *options, "--out-dir", str(folder), str(source)]
-    subprocess.run(command, cwd=ROOT, check=True, timeout=PATIENCE_S)
+    subprocess.run(command, cwd=ROOT, check=True, timeout=BUILT_S)
     [made] = [path for path in folder.iterdir() if path.name.startswith("imuscope-")]
     return made
 

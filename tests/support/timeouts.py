@@ -14,7 +14,7 @@ import httpx
 import websockets.asyncio.client
 import websockets.sync.client
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 connect = partial(websockets.sync.client.connect, open_timeout=PATIENCE_S)
 """A WebSocket, for tests without an event loop."""

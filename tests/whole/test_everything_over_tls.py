@@ -57,7 +57,7 @@ async def _talk(server: ServerProcess) -> None:
         ) as socket:
             return await socket.recv()
 
-    async with asyncio.timeout(90):
+    async with asyncio.timeout(PATIENCE_S):
         message = await asyncio.gather(
             first("/ws", "imuscope.v1"),
             first("/viser", f"viser-v{viser.__version__}"),

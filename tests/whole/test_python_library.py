@@ -121,6 +121,7 @@ def test_analyses_and_exports_are_those_of_the_command_line(drive: Path, tmp_pat
     data = ("--data", str(tmp_path / "data"))
     with imuscope.open(drive) as recording:
         figures = recording.analyse("psd", "RateOfTurn.x", begin_s=1, end_s=4)
+        assert recording.analyse("psd", "Rate of turn.x", begin_s=1, end_s=4) == figures  # by its title
         [path] = recording.export(tmp_path / "own.csv", signals=["Rate of turn"], begin_s=1)
         words = ("analyse", str(drive), "psd", "--signal", "RateOfTurn.x", "--from", "1", "--to", "4")
         report = run_command(*words, "--format", "json", *data)

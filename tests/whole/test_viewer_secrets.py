@@ -178,7 +178,7 @@ async def test_viewers_change_nothing_in_a_shared_scene(
         return msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": False}})
 
     async with (
-        asyncio.timeout(90),
+        asyncio.timeout(PATIENCE_S),
         viewing(guarded.url, f"/viser?token={tokens['view']}") as viewer,
         viewing(guarded.url, f"/viser?token={tokens['control']}") as controller,
     ):

@@ -23,6 +23,7 @@ from typing import Any
 
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters.message_table import windows
 from imuscope.recordings.exporters.request import ExportError, ExportRequest, ExportStep
 from imuscope.recordings.tables.time_units import UNITS
@@ -59,7 +60,13 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
             for info in (*request.infos, *request.clocks, *request.payloads)
             if (info["device"], info["message"]) not in copied
         ]
-        topics = [one for device in request.columns.manifest["devices"] for one in _topics(request, device, infos)]
+        as_sent = request.columns.in_units("device")  # bit by bit, where that is what ROS has
+        sent = {
+            info["id"]: info
+            for info in as_sent.manifest["channels"]
+            if {one["unit"] for one in info["columns"]} <= {"rad/s", "T"}
+        }
+        topics = [one for device in as_sent.manifest["devices"] for one in _topics(request, device, infos, sent)]
         held = {channel for _, builder in topics for channel in builder.channels}
         left_out = ", ".join(f"{info['message']}/{info['name']}" for info in infos if info["id"] not in held)
         writer.set_custom_data("imuscope.left_out", left_out)
@@ -75,7 +82,9 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
         }
         for window in windows(request.columns, ranges, CHUNK_ROWS):
             samples = {
-                channel: [_frame(request, channel, *rows)] for channel, rows in window.items() if rows[1] > rows[0]
+                channel: [_frame(as_sent if channel in sent else request.columns, channel, *rows)]
+                for channel, rows in window.items()
+                if rows[1] > rows[0]
             }
             messages = [
                 (arrival, topic, data)
@@ -92,12 +101,15 @@ def write_bag(storage: str, request: ExportRequest, out: Path, step: ExportStep)
 
 
 def _topics(
-    request: ExportRequest, device: Mapping[str, Any], infos: Sequence[Mapping[str, Any]]
+    request: ExportRequest,
+    device: Mapping[str, Any],
+    infos: Sequence[Mapping[str, Any]],
+    sent: Mapping[int, Mapping[str, Any]],
 ) -> list[tuple[str, MessageBuilder]]:
     name = device.get("topic") or node_names(request.columns.manifest["devices"])[device["id"]]
     frames = FrameNames(name)
     builders = builders_of(
-        recorded_quantities(device, [info for info in request.infos if info in infos]),
+        recorded_quantities(device, [sent.get(info["id"], info) for info in request.infos if info in infos]),
         frames,
         sensors_of(device["protocol"], device.get("product", "")),
     )
@@ -113,6 +125,6 @@ def _topics(
     return [(topic if topic.startswith("/") else f"/{name}/{topic}", one) for topic, one in builders.items()]
 
 
-def _frame(request: ExportRequest, channel: int, first: int, past: int) -> SampleFrame:
-    rows = request.columns.exact(channel, first, past)
+def _frame(columns: ColumnStore, channel: int, first: int, past: int) -> SampleFrame:
+    rows = columns.exact(channel, first, past)
     return SampleFrame(channel, 0, len(rows), 0, False, 0.0, [rows.arrival_ns, rows.time_ns, *rows.columns])

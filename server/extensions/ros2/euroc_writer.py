@@ -11,6 +11,7 @@ Source: M. Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR 35 (201
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     Raises:
         ExportError: no device has both quantities.
     """
+    request = replace(request, columns=request.columns.in_units("device"))  # bit by bit, where that is SI
     devices: list[tuple[Mapping[str, Any], Place, Place]] = []
     for device in request.columns.manifest["devices"]:
         of = recorded_quantities(device, request.infos)

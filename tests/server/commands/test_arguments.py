@@ -1,6 +1,7 @@
 """Commands, options and their values: positions, messages, and input through a pipe."""
 
 import argparse
+import errno
 import functools
 import json
 import os
@@ -21,6 +22,7 @@ from imuscope.server import cli
 from imuscope.server.commands import arguments
 from imuscope.server.commands.completion import script
 from imuscope.server.devices.decode.decode_options import source_options
+from imuscope.server.errors import UsageError
 from imuscope.server.settings.config import setting_names
 from tests.support.each_row import each_row
 from tests.support.server_process import ROOT, ServerProcess, imuscope
@@ -382,6 +384,17 @@ def test_inspect_finds_no_frames_in_recordings_and_noise(tmp_path: Path) -> None
     done = imuscope("inspect", str(noise))
     assert done.returncode == 1
     assert "no known protocol" in done.stderr
+
+
+def test_inspect_names_a_file_that_cannot_be_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (file := tmp_path / "a.bin").write_bytes(b"x")
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied", str(file))
+
+    monkeypatch.setattr("imuscope.server.commands.inspect.inspect_file", refuse)
+    with pytest.raises(UsageError, match=rf"^{file}: permission denied$"):
+        cli._inspect(arguments.parse(["inspect", str(file)]))
 
 
 def test_decode_takes_a_part(tmp_path: Path) -> None:

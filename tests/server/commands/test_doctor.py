@@ -19,6 +19,7 @@ from imuscope.server.diagnostics import checks
 from imuscope.server.diagnostics.checks import Finding, Machine, run_checks
 from tests.support.each_row import each_row
 from tests.support.server_process import ROOT, imuscope
+from tests.support.timeouts import PATIENCE_S
 
 NOW = 1_760_000_000.0
 
@@ -320,7 +321,8 @@ def test_systemd_takes_the_changes_of_the_guide(tmp_path: Path) -> None:
 
 
 def _assert_systemd_takes(unit: Path) -> None:
-    done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, timeout=60)
+    command = ["systemd-analyze", "verify", str(unit)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     about_it = [line for line in done.stderr.splitlines() if "imuscope" in line]
     assert about_it == []
 

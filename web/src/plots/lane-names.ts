@@ -10,7 +10,7 @@ import {
   LANE_PX,
   lanesOf,
   roomFor,
-  lossWords,
+  laneLossWords,
   stateAt,
   bitStateWords,
 } from "./status-lanes";
@@ -116,7 +116,7 @@ export class LaneNames {
       return [`${lane.name}${state === "" ? "" : `: ${state}`}`, docOf(lane, state)];
     }
     const here = losses.findLast(({ t0, t1 }) => t >= t0 && t <= t1) ?? (t === Infinity ? losses.at(-1) : undefined);
-    if (here !== undefined) return [TEXT.lossHere(lossWords(here)), here.text];
+    if (here !== undefined) return [TEXT.lossHere(laneLossWords(here)), here.text];
     return [COMMON.loss, losses.length === 0 ? TEXT.noLoss : TEXT.gapsInMemory(losses.length)];
   }
 }

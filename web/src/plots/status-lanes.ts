@@ -256,7 +256,7 @@ export class Lanes {
       const to = Math.max(from + MIN_PX, xOf(w, loss.t1));
       x.fillStyle = look.colour.loss;
       x.fillRect(from, 1.5, to - from, LANE_PX - 4);
-      const text = lossWords(loss);
+      const text = laneLossWords(loss);
       const next = seen[k + 1];
       if (next !== undefined && xOf(w, next.t0) < to + x.measureText(text).width + 14) return;
       x.fillStyle = look.colour["ink-2"];
@@ -312,7 +312,7 @@ export class Lanes {
 }
 
 /** "72 samples, 180 ms". */
-export function lossWords({ samples, t0, t1, by }: Loss): string {
+export function laneLossWords({ samples, t0, t1, by }: Loss): string {
   const count = samples > 0 ? TEXT.samplesThen(samples) : "";
   const { value, unit } = t1 - t0 < 10 && t1 - t0 >= 1 ? { value: number(t1 - t0, 2), unit: "s" } : age(t1 - t0);
   return `${count}${value} ${unit}${{ device: "", browser: TEXT.thisBrowser, server: TEXT.serverRestarted }[by]}`;

@@ -268,6 +268,11 @@ def _columns(infos: Sequence[ChannelInfo], word: str, device: str) -> list[Signa
     device = addressed or device
     own = [info for info in infos if info.device == device] if device else infos
     fitting = _fitting(own, name)
+    for info in own if not fitting else ():  # by its title
+        if info.title and f"{name}.".startswith(f"{info.title}."):
+            name = info.name + name[len(info.title) :]
+            fitting = _fitting(own, name)
+            break
     messages = {info.message for info in own if name.startswith(f"{info.message}/")} if not fitting else set()
     for message in messages:
         own, name = [info for info in own if info.message == message], name.removeprefix(f"{message}/")

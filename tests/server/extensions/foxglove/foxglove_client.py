@@ -10,7 +10,7 @@ from typing import Any
 from websockets.asyncio.client import ClientConnection
 
 from tests.support.server_process import ServerProcess
-from tests.support.timeouts import connecting
+from tests.support.timeouts import PATIENCE_S, connecting
 
 SUBPROTOCOL = "foxglove.sdk.v1"
 
@@ -26,7 +26,7 @@ class FoxgloveTestClient:
 
     async def until(self, *topics: str) -> None:
         """Read until these are advertised."""
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(PATIENCE_S):
             while not self.info or not set(topics) <= self.channels.keys():
                 self._text(await self._socket.recv())
 
@@ -53,7 +53,7 @@ class FoxgloveTestClient:
     async def messages(self, expected: int) -> list[tuple[str, float, bytes]]:
         """Receive this many messages: topic, unix s, payload."""
         results: list[tuple[str, float, bytes]] = []
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(PATIENCE_S):
             while len(results) < expected:
                 data = await self._socket.recv()
                 if isinstance(data, str):
@@ -69,7 +69,10 @@ class FoxgloveTestClient:
 async def attached(server: ServerProcess, path: str = "/foxglove", **options: Any) -> AsyncIterator[FoxgloveTestClient]:
     """A client behind the server's port; the bridge may still be starting."""
     address = server.url.replace("http", "ws") + path
-    async with asyncio.timeout(90), connecting(address, subprotocols=[SUBPROTOCOL], max_size=None, **options) as socket:
+    async with (
+        asyncio.timeout(PATIENCE_S),
+        connecting(address, subprotocols=[SUBPROTOCOL], max_size=None, **options) as socket,
+    ):
         assert socket.subprotocol == SUBPROTOCOL
         yield FoxgloveTestClient(socket)
 

@@ -28,6 +28,7 @@ from imuscope.server.extensions.rerun.rrd.writer import Work, fill, stream_of, w
 from imuscope.server.library.decode import decode
 from tests.server.extensions.rerun.rrd_tables import column, entities, flat, numbers
 from tests.support.each_row import each_row
+from tests.support.timeouts import PATIENCE_S
 
 START = 1_760_000_000_000_000_000
 ENVIRONMENT = {**os.environ, "HOME": os.devnull}  # Rerun's program would keep settings there
@@ -244,7 +245,7 @@ def test_static_things_come_first_and_a_layout_is_in_it(store: ColumnStore, tmp_
     reader = RrdReader(tmp_path / "a.rrd")
     assert len(reader.blueprints()) == 1
     command = [sys.executable, "-m", "rerun_cli", "rrd", "print", str(tmp_path / "a.rrd")]
-    process = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, env=ENVIRONMENT)
+    process = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S, env=ENVIRONMENT)
     names = re.findall(r"\) - (/.*) - data columns", process.stdout)  # in the order of the file
     static = {chunk.entity_path for chunk in reader.stream() if chunk.is_static}
     begins = next(i for i, name in enumerate(names) if name.startswith(("/events", "/markers")))
@@ -355,7 +356,9 @@ def test_rerun_is_a_format_and_is_imported_on_demand_only(store: ColumnStore, tm
     curves = {name for name, batches in entities(files[0]).items() if column(batches, "Scalars:scalars")}
     assert curves == {name_of(("MTi-680G", "Acceleration [m/s²]"))}
     code = "import sys; import imuscope.recordings.exporters; print('rerun' in sys.modules)"
-    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S
+    )
     assert process.stdout.strip() == "False"
 
 
@@ -363,7 +366,9 @@ def test_a_layout_is_known_without_rerun() -> None:
     own = "imuscope.server.extensions.rerun.rrd.size_limit"
     names = f"imuscope.recordings.exporters.entities, imuscope.recordings.exporters.enu, {own}"
     code = f"import sys; import {names}; print('rerun' in sys.modules)"
-    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S
+    )
     assert process.stdout.strip() == "False"
 
 

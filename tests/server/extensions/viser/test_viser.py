@@ -34,7 +34,7 @@ def shown(server: ServerProcess) -> Iterator[httpx.Client]:
 async def turned(url: str, *, expected: int) -> list[list[float]]:
     """So many orientations of the body, as a viewer gets them."""
     results: list[list[float]] = []
-    async with asyncio.timeout(90), viewing(url) as socket:
+    async with asyncio.timeout(PATIENCE_S), viewing(url) as socket:
         while len(results) < expected:
             results += turns(await socket.recv())
     return results
@@ -89,7 +89,7 @@ def test_foreign_messages_do_not_reach_it(server: ServerProcess) -> None:
     """Regression: viser ended the connection, which was reported as the end of viser."""
 
     async def turns_after(*message: str | bytes) -> int:
-        async with asyncio.timeout(90), viewing(server.url) as socket:
+        async with asyncio.timeout(PATIENCE_S), viewing(server.url) as socket:
             for one in message:
                 await socket.send(one)
             while not turns(await socket.recv()):
@@ -104,7 +104,10 @@ def test_foreign_messages_do_not_reach_it(server: ServerProcess) -> None:
 def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) -> None:
     async def attempt() -> int | None:
         address = server.url.replace("http", "ws") + "/viser"
-        async with asyncio.timeout(60), connecting(address, subprotocols=[subprotocol()], max_size=None) as socket:
+        async with (
+            asyncio.timeout(PATIENCE_S),
+            connecting(address, subprotocols=[subprotocol()], max_size=None) as socket,
+        ):
             with contextlib.suppress(ConnectionClosedError, ConnectionResetError):
                 await socket.send(bytes(2 * 1024 * 1024))
                 async for _ in socket:
