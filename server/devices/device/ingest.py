@@ -352,7 +352,7 @@ class Ingest:
         is_usual = len(batches) == len(events) and batches and self._line.timed
         if is_usual and not self._losses.interruptions:
             ends = [_last(batch, time) for batch, time in zip(batches, times, strict=True)]
-            self._losses.usual(max(ends), max(int(batch.offset[-1]) for batch in batches))
+            self._losses.usual(max(ends), max(int(batch.offset[-1]) for batch in batches), batches[-1].device)
             self._report_remapping()
             return
         offsets, hosts = _stream_order(batches, times)
@@ -368,7 +368,8 @@ class Ingest:
                 self._stats.samples(f"{event.protocol} {event.name}", 1, self._sink.now())
                 self._events.text(event)
             elif isinstance(event, RejectedFrame):
-                rejects.append(event)
+                if event.reason in REFUSED or self._losses.is_new(event):
+                    rejects.append(event)
                 if event.reason not in REFUSED:
                     self._losses.damaged_at = event.offset
             elif isinstance(event, SampleGap):

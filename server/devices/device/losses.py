@@ -63,7 +63,7 @@ class LossReporter:
         self.last_time: float | None = None
         self.interruptions: list[tuple[int, tuple[int, str]]] = []
         self._explained: set[int] = set()  # positions of those that a counter has shown
-        self.last_offset = self.damaged_at = -1
+        self.last_offset = self.damaged_at = self._damaged_until = -1
         self._sender = ""
         self._old_frames = 0  # since the last accepted one
         self._doubted = 0  # missing samples by a counter that its clock contradicts, not counted
@@ -86,10 +86,20 @@ class LossReporter:
         self._note_old_frames([event for event in old if event.device in ("", self._sender)])
         self._drops_before, self._drops = self._drops, self._dropped()
 
-    def usual(self, last_time: float, last_offset: int) -> None:
+    def is_new(self, reject: RejectedFrame) -> bool:
+        """Whether this is another damaged frame than the one before. After a failed frame the search resumes within it,
+        where bytes may look like a beginning too.
+        """
+        at = int(np.searchsorted(self._offsets, reject.offset))
+        accepted = int(self._offsets[at - 1]) if at else self.last_offset
+        is_within = accepted <= self.damaged_at and reject.offset < self._damaged_until
+        self._damaged_until = reject.offset + reject.size if not is_within else self._damaged_until
+        return not is_within
+
+    def usual(self, last_time: float, last_offset: int, sender: str) -> None:
         """Process a drain of samples only, which ends there."""
         self.last_time = last_time if self.last_time is None else max(self.last_time, last_time)
-        self.last_offset, self._drops, self._old_frames = last_offset, self._dropped(), 0
+        self.last_offset, self._sender, self._drops, self._old_frames = last_offset, sender, self._dropped(), 0
 
     def gap(self, gap: SampleGap) -> None:
         """Count and report a gap of this drain."""

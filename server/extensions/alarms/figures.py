@@ -21,6 +21,7 @@ from imuscope.server.extensions.alarms.machine import BETWEEN, BEYOND, UNKNOWN, 
 
 LOSS_S = 10.0
 RATE_S = 2.0  # of a rate: server/concurrency/rate_meter.py
+STALL_S = 3.0  # after so long without samples the rate is 0; before, those of a link that stalls may all come yet
 BEHIND_S = 0.5  # as on the page
 UNITS = {"rate": "Hz", "loss": "%", "silence": "s", "clock": "ms", "link": ""}
 SUBJECTS = {
@@ -53,6 +54,7 @@ class HealthJudge:
         self.limit = math.nan if condition.figure == "link" else condition.limit
         self.obstacle = ""
         self._losses = LossWindow(LOSS_S)
+        self._rate = 0.0  # as of the newest samples
         self._known_since: float | None = None  # unix s: connected, and decoding has kept up since
 
     def judge(self, info: wire.DeviceInfo, health: wire.DeviceHealth | None, now: float) -> tuple[int, float]:
@@ -116,7 +118,11 @@ class HealthJudge:
             return None if last is None else max(0.0, now - last)
         if health is None:
             return None
-        return health.rate if self._condition.figure == "rate" else health.uncertainty_ms
+        if self._condition.figure != "rate":
+            return health.uncertainty_ms
+        if health.rate or health.last_arrival is None or now - health.last_arrival >= STALL_S:
+            self._rate = health.rate
+        return self._rate
 
     def _note_counts(self, info: wire.DeviceInfo, health: wire.DeviceHealth | None, now: float) -> float | None:
         """Share of the samples of the last seconds that were lost, %; None if none arrived or was lost."""

@@ -6,7 +6,7 @@ import {
   daysLeft,
   deviceName,
   flaw,
-  lossWords,
+  recordedLosses,
   heardIn,
   knownDevices,
   withReceiving,
@@ -78,7 +78,7 @@ it("puts the worst first", () => {
   expect(flaw(one({ opened: false, thumbnail: [] })).words).toBe("—"); // not opened yet
   const uncounted = one().devices.map((device) => ({ ...device, counts_losses: false }));
   expect(flaw(one({ devices: uncounted })).words).toBe("none known"); // a table: nothing tells what is missing
-  expect([lossWords(lossy), lossWords(one({ opened: false, thumbnail: [] }))]).toEqual(["72", "—"]);
+  expect([recordedLosses(lossy), recordedLosses(one({ opened: false, thumbnail: [] }))]).toEqual(["72", "—"]);
 });
 
 it("writes lengths and sizes", () => {

@@ -46,7 +46,7 @@ export function knownLosses(info: RecordingInfo): number | undefined {
 }
 
 /** The losses in words: "—" is not read yet; without a counter only what is known is said, as by the player. */
-export function lossWords(info: RecordingInfo): string {
+export function recordedLosses(info: RecordingInfo): string {
   const lost = knownLosses(info);
   if (lost === undefined) return isKnown(info) ? TEXT.noneKnown : "—";
   return lost === 0 ? COMMON.none : number(lost, 0);
@@ -141,7 +141,7 @@ export function flaw(info: RecordingInfo): { readonly tone: "" | "warn" | "bad";
   const [lost, rejects] = [knownLosses(info), rejectsOf(info)];
   if (lost) return { tone: "warn", words: TEXT.lostCount(number(lost, 0)) };
   if (rejects > 0) return { tone: "warn", words: TEXT.rejectCount(rejects) };
-  return { tone: "", words: lossWords(info) };
+  return { tone: "", words: recordedLosses(info) };
 }
 
 const pad = (n: number): string => String(Math.floor(n)).padStart(2, "0");

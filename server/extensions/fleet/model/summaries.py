@@ -64,25 +64,25 @@ class FleetRobots(BaseModel):
     robots: list[RobotSummary]
 
 
-_STEPS: Mapping[str, tuple[float, float]] = {
-    "rate": (0.01, 0.1),
-    "expected_rate": (0.001, 0.01),
-    "loss": (0.1, 0.0001),
-    "temperature": (0.0, 0.5),
-    "clock_ppm": (0.05, 1.0),
-    "clock_ppm_uncertainty": (0.25, 0.5),
-    "clock_uncertainty_ms": (0.25, 0.02),
+_STEPS: Mapping[str, tuple[int, float]] = {
+    "rate": (3, 0.1),
+    "expected_rate": (4, 0.01),
+    "loss": (2, 0.0001),
+    "temperature": (3, 0.5),
+    "clock_ppm": (2, 1.0),
+    "clock_ppm_uncertainty": (2, 0.5),
+    "clock_uncertainty_ms": (2, 0.02),
 }
-"""Figure of a device → the relative and the absolute step; the larger one counts."""
+"""Figure of a device → its digits, and the least step; the larger step counts."""
 
 
 def with_hysteresis(new: RobotSummary, shown: RobotSummary | None) -> RobotSummary:
-    """`new`, with the figures of `shown` where they differ by less than a step; others are rounded to three digits."""
+    """`new`, with the figures of `shown` where they differ by less than a step; others are rounded to a step."""
     before = {} if shown is None else {one.id: one for one in shown.devices}
-    free = _with_hysteresis(new.disk_free_bytes, None if shown is None else shown.disk_free_bytes, 0.01, 1e7)
+    free = _with_hysteresis(new.disk_free_bytes, None if shown is None else shown.disk_free_bytes, 3, 1e7)
     return new.model_copy(
         update={
-            "latency_ms": _with_hysteresis(new.latency_ms, None if shown is None else shown.latency_ms, 0.2, 5.0),
+            "latency_ms": _with_hysteresis(new.latency_ms, None if shown is None else shown.latency_ms, 2, 5.0),
             "disk_free_bytes": None if free is None else int(free),
             "devices": [_device(one, before.get(one.id)) for one in new.devices],
         }
@@ -97,12 +97,17 @@ def _device(new: RobotDevice, shown: RobotDevice | None) -> RobotDevice:
     return replace(new, **changes)
 
 
-def _with_hysteresis(new: float | None, shown: float | None, relative: float, absolute: float) -> float | None:
+def _with_hysteresis(new: float | None, shown: float | None, digits: int, least: float) -> float | None:
     if new is None or not math.isfinite(new):
         return None
-    if shown is not None and (new == 0) == (shown == 0) and abs(new - shown) < max(relative * abs(shown), absolute):
+    if shown is not None and (new == 0) == (shown == 0) and abs(new - shown) < _step(shown, digits, least):
         return shown
-    return float(f"{new:.3g}") if abs(new) < 1000 else float(round(new))
+    step = _step(new, digits, least)
+    return float(f"{round(new / step) * step or new:.{digits + 1}g}")
+
+
+def _step(value: float, digits: int, least: float) -> float:
+    return max(10.0 ** (math.floor(math.log10(abs(value))) - digits + 1), least) if value else least
 
 
 def summary_of(name: str, status: RobotStatus, since: float, *, is_live: bool = True) -> RobotSummary:

@@ -1,5 +1,6 @@
 """Losses of a session: what was lost, why, and what was not."""
 
+import struct
 from collections.abc import Callable
 from itertools import islice
 
@@ -13,6 +14,7 @@ from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.devices.device.losses import LossWindow
 from tests.server.devices.family_harness import family
 from tests.support.each_row import each_row
+from tests.support.truth_frames import xbus
 
 
 @each_row(
@@ -156,3 +158,27 @@ def test_fewer_samples_are_those_of_another_session() -> None:
     assert window.share is None
     assert window.add(health(3.0, 0, 20))
     assert window.share == 0.0
+
+
+async def test_a_damaged_frame_with_beginnings_in_it_counts_once() -> None:
+    """Regression: each beginning of a frame among the bytes of a damaged one was one more, 147 for 140."""
+
+    class Noisy:
+        """Each tenth frame is damaged; in each, bytes look like beginnings of frames."""
+
+        next_ns = 0
+
+        def __init__(self) -> None:
+            self.number = 0
+
+        def advance(self, now_ns: int) -> bytes:
+            self.number += 10
+            frames = [xbus(n, 100 * n, PRETENDING) for n in range(self.number - 10, self.number)]
+            return b"".join([*frames[:4], frames[4][:-1] + b"\x01", *frames[5:]])
+
+    async with family(DecodeOptions("xbus")) as stage:
+        await stage.run(Noisy(), 5)
+        assert (stage.health.rejects, stage.health.lost) == (50, 50)
+
+
+PRETENDING = (0x2010, "4f", struct.unpack(">4f", bytes.fromhex("faff36053f8000faff36043f80000000")))

@@ -118,6 +118,7 @@ def test_a_figure_that_is_not_known_is_not_judged_and_the_reason_is_given(device
 JUDGED = [
     of("even", Device("rate").run(5), WITHIN),
     of("low", Device("rate").set(rate=60.0).run(5, 60), BEYOND),
+    of("while the link stalls", Device("rate").run(5).set("lost", rate=0.0).run(2, 0), WITHIN),  # and catches up
     of("of a device that was lost", Device("rate").run(5).set("lost", rate=0.0).run(5, 0), BEYOND),
     of("none lost", Device("loss").run(20), WITHIN),
     of("one in ten", Device("loss").run(20, 90, lost=5), BEYOND),

@@ -9,7 +9,7 @@ import {
   isKnown,
   knownDevices,
   knownLosses,
-  lossWords,
+  recordedLosses,
   length,
   messagesOf,
   rejectsOf,
@@ -148,7 +148,7 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
     [TEXT.length, length(info.duration), ""],
     [TEXT.size, size.value, size.unit],
     [TEXT.messages, number(messagesOf(info), 0), ""],
-    [COMMON.lost, lossWords(info), knownLosses(info) ? TEXT.samples : ""],
+    [COMMON.lost, recordedLosses(info), knownLosses(info) ? TEXT.samples : ""],
     [COMMON.rejects, number(isKnown(info) ? rejectsOf(info) : undefined, 0), TEXT.frames],
     [COMMON.markers, number(info.markers, 0), ""],
   ];

@@ -320,7 +320,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
             </span>
           )}
           {tone !== "" && <span class={`tag ${tone} phone`}>{words}</span>}
-          <SimulatedTag of={info.devices.find(({ simulated }) => simulated)} />
+          <SimulatedTag of={info.devices.find(({ simulated }) => simulated)} />{" "}
           <Slot name="recordingRow" with={{ app, info }} />
           {about}
         </small>

@@ -1,6 +1,7 @@
 """Robots of a fleet server: revisions, what counts as a change, and the route."""
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -138,6 +139,18 @@ def test_a_shown_rate_is_within_a_step_of_the_true_one(rates: list[float]) -> No
         robots.update(robot(devices=[device(rate=rate)]))
         shown = answer(robots).robots[0].devices[0].rate
         assert abs(shown - rate) <= max(0.1, 0.015 * max(rate, shown))
+
+
+@given(st.lists(st.floats(1e-5, 1), min_size=2, max_size=20))
+def test_a_shown_share_is_right_to_a_unit_of_its_last_digit(shares: list[float]) -> None:
+    """Regression: three digits were shown of a share that kept them until it had changed by a tenth."""
+    robots = Robots(now=lambda: NOW)
+    for share in shares:
+        robots.update(robot(devices=[device(loss=share)]))
+        shown = answer(robots).robots[0].devices[0].loss
+        unit = 10 ** (math.floor(math.log10(max(share, shown))) - 1)
+        assert abs(shown - share) <= max(1.01 * unit, 0.0001)
+        assert shown < 2e-4 or float(f"{shown:.2g}") == shown
 
 
 def test_more_robots_than_the_limit_are_refused() -> None:
