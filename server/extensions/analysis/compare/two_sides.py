@@ -67,6 +67,9 @@ class ComparedSignal(BaseModel):
     notes: list[str]
 
 
+PRESUMES = "± of the offset is that of the times: if a filter delays one side more, the offset contains that delay."
+
+
 class ComparisonAnswer(BaseModel):
     """Both sides on one axis of time."""
 
@@ -159,7 +162,7 @@ def compared(
         uncertainty=_number(aligned.uncertainty),
         correlation=_number(aligned.correlation),
         overlap=_number(aligned.overlap),
-        notes=aligned.notes,
+        notes=[*aligned.notes, *([PRESUMES] if body.align == "correlation" else [])],
         signals=rows if attitude is None else [*rows, attitude],
     )
 

@@ -14,6 +14,7 @@ from imuscope.protocols.simulator.trajectory import vehicle_motion
 from imuscope.server.errors import DomainError
 from imuscope.server.extensions.analysis.compare import alignment
 from imuscope.server.extensions.analysis.compare.alignment import align
+from imuscope.server.extensions.analysis.compare.two_sides import PRESUMES
 from imuscope.server.extensions.analysis.signals.signals import Signal
 from tests.support.deep_run import IS_DEEP
 from tests.support.each_row import each_row
@@ -82,6 +83,53 @@ def _held(motion: Any, sigma: float, noise: Any) -> int:
         assert share < 2.5
         assert result.uncertainty < 0.2
     return held
+
+
+DIFFERENCES = ("gain", "misaligned", "clipped", "gaps", "spikes", "two levels", "jitter", "none")
+
+
+def different(kind: str, random: np.random.Generator) -> tuple[float, list[tuple[Signal, Signal]]]:
+    """An offset, and two sides of which one is not like the other."""
+    motion, offset = (sway, turns, tap)[random.integers(3)](random), random.uniform(-5, 5)
+    a, b = np.arange(0, 40, 0.01), np.arange(2 + random.uniform(0, 0.01), 43, 1 / 130.7)
+    noise, sigma = (white, coloured)[random.integers(2)], 10 ** random.uniform(-2, -0.5)
+    first, second = motion(a) + noise(random, len(a), sigma), 0.3 + motion(b) + noise(random, len(b), sigma)
+    times = b - offset
+    match kind:
+        case "gain":
+            second *= random.uniform(0.5, 2)
+        case "misaligned":
+            second += 0.2 * sway(random)(b)
+        case "clipped":
+            second = np.clip(second, -0.3 * np.ptp(second), 0.3 * np.ptp(second))
+        case "gaps":
+            there = np.ones(len(b), bool)
+            for begin in random.integers(0, len(b), 4):
+                there[begin : begin + 300] = False
+            times, second = times[there], second[there]
+        case "spikes":
+            second += 10 * (random.random(len(b)) < 0.002)
+        case "two levels":
+            first[len(a) // 2 :] += random.normal(size=len(a) - len(a) // 2) * 3 * sigma
+        case "jitter":
+            times = np.sort(times + random.normal(size=len(times)) * 2e-3)
+    return offset, [(signal(a, first), signal(times, second))]
+
+
+def test_the_interval_holds_200_offsets_of_sides_that_differ() -> None:
+    """A delay of a filter is part of the offset, as words beside it say (PRESUMES)."""
+    inside, refused = [], 0
+    for seed in range(232):
+        offset, pairs = different(DIFFERENCES[seed % len(DIFFERENCES)], np.random.default_rng(seed))
+        try:
+            result = align(pairs)
+        except DomainError:
+            refused += 1
+            continue
+        inside.append(abs(result.offset - offset) <= result.uncertainty)
+    assert len(inside) >= 200
+    assert 0.93 <= np.mean(inside) <= 0.99, np.mean(inside)
+    assert "contains that delay" in PRESUMES
 
 
 def test_of_clocks_that_drift_apart_the_interval_holds_the_offsets_of_both_ends() -> None:
