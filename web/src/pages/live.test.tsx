@@ -188,7 +188,7 @@ test("a device that is behind is told beside it, at Live, in Health, and dimmed"
   expect(live.querySelector(".dot.live")).toBeNull();
   await waitFor(() => expect(text(".note.verdict")).toContain("Behind by 12 s: the server's computer is busy"));
   await waitFor(() => expect(text(".strip .tag.warn:not([hidden])")).toContain("Behind by 12 s")); // on a phone
-  expect(document.querySelector(".strip .late ~ *"), "it moved the figures under a finger").toBeNull();
+  expect(document.querySelector(".strip > .tag.warn ~ *"), "it moved the figures under a finger").toBeNull();
   expect(app.held()).toBe(true);
   expect(store.edgeOf(id), "no empty future").toBe(newest);
   await act(() => tell(0.2));
