@@ -178,13 +178,17 @@ def _of_device(store: ColumnStore, time: Floats, arrival: Floats, own: dict[str,
 
 
 def _axis_error_ppm(store: ColumnStore, device: str, axis: Floats) -> float:
-    """± of the rate of an axis that was mapped by arrivals, from the uncertainty of its times; 0 if it was not."""
+    """± of the rate of an axis that was mapped by arrivals, from the uncertainty of its times; 0 if it was not.
+
+    Most of that is a delay of all frames, which both ends of the axis share: their difference is less than the half of
+    what two independent ends would have, in simulations of adapters, networks and stalls.
+    """
     span, names = float(np.ptp(axis)) if len(axis) else 0.0, store.manifest.get("health", {})
     if not span or not names:
         return 0.0
     history = health_history(store.folder, names, device, device, math.floor(axis.min()), math.ceil(axis.max()))
     bounds = [one for one in history.uncertainty_ms[len(history.uncertainty_ms) // 5 :] if one is not None]
-    return 2e3 * float(np.median(bounds)) / span if bounds else 0.0
+    return 1e3 * float(np.median(bounds)) / span if bounds else 0.0
 
 
 def _columns(

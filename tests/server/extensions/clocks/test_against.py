@@ -1,14 +1,21 @@
 """The ± of the drift of a clock against another, against truths of many pairs of clocks."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
+import pytest
 
 from imuscope.protocols.arrays import Floats
+from imuscope.protocols.clocks.clock_sync import ClockSync
+from imuscope.server.extensions.clocks import figures as clock_figures
 from imuscope.server.extensions.clocks.figures import FileClock, _figures
 from imuscope.server.extensions.clocks.print_clocks import PRESUMES, _drift_text
 
 CONDITIONS = ("exact", "noise", "delays", "bursts", "coarse axis", "coarse clock", "wandering", "disciplined")
 CONDITIONS += ("warming", "gaps", "step", "stalls")
 TRUTHS = 240
+EPOCH_NS, SIZE, BYTE_NS = 17 * 10**17, 60, 10_850
 
 
 def pair(condition: str, random: np.random.Generator) -> tuple[float, Floats, Floats]:
@@ -74,6 +81,48 @@ def test_the_drift_of_240_clocks_lies_within_its_uncertainty() -> None:
     assert 0.93 <= np.mean(every) <= 0.99
     assert min(np.mean(some) for some in inside.values()) >= 0.85
     assert np.median(widths) < 5
+
+
+LINKS = ("free", "unknown grid", "known timer", "network", "stalls")
+
+
+def mapped(link: str, random: np.random.Generator) -> tuple[float, Floats, Floats, list[float | None]]:
+    """Drift of a device in ppm, its clock, the axis mapped by arrivals, and the ± of its times in ms."""
+    rate, length = float(random.choice([100, 200, 400])), 10 ** random.uniform(1.2, 2.2)
+    true, ppm = np.arange(int(rate * length)) / rate + random.uniform(0, 0.01), random.uniform(-100, 100)
+    device = (np.floor((true * (1 + 1e-6 * ppm) + 5) * 1e4) * 1e5).astype(np.int64)
+    end, wait = true + SIZE * BYTE_NS * 1e-9, random.exponential(3e-3 if link == "network" else 5e-5, len(true))
+    match link:
+        case "unknown grid" | "known timer":
+            period = 0.016 if link == "known timer" else random.choice([0.004, 0.01, 0.02])
+            end = np.ceil(end / period) * period
+        case "stalls":
+            for first in random.integers(0, len(end), 3):
+                late = slice(first, first + int(rate / 2))
+                end[late] = np.maximum(end[late], end[first] + 0.5)
+    arrival = np.maximum.accumulate(end + wait)
+    clock = ClockSync(BYTE_NS, holds_ns=16e6 * (link == "known timer"), unknown_ns=1e6 * (link == "network"))
+    bounds: list[float | None] = []
+    axis = []
+    ends = [*(np.flatnonzero(np.diff(np.floor(arrival))) + 1).tolist(), len(arrival)]
+    for first, last in zip([0, *ends[:-1]], ends, strict=True):
+        axis.append(clock.add(device[first:last], (arrival[first:last] * 1e9).astype(np.int64) + EPOCH_NS, SIZE))
+        bounds.append(clock.uncertainty_ns / 1e6)
+    return ppm, device / 1e9, (np.concatenate(axis) - EPOCH_NS) / 1e9, bounds
+
+
+def test_the_drift_of_a_device_lies_within_the_uncertainty_of_an_axis_mapped_by_arrivals(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It is a bound: what delays all frames alike is in ± of the times, and not in their rate."""
+    for seed in range(200):
+        ppm, clock, axis, bounds = mapped(LINKS[seed % len(LINKS)], np.random.default_rng(seed))
+        monkeypatch.setattr(clock_figures, "health_history", lambda *_, b=bounds: SimpleNamespace(uncertainty_ms=b))
+        store: Any = SimpleNamespace(manifest={"health": {"1": "1"}}, folder=None)
+        made, error = figures(clock, axis), clock_figures._axis_error_ppm(store, "1", axis)
+        assert made.drift_ppm is not None
+        assert made.drift_error_ppm is not None
+        assert abs(made.drift_ppm - ppm) <= np.hypot(made.drift_error_ppm, error)
 
 
 def test_a_delay_that_grows_is_presumed_not_to_be() -> None:
