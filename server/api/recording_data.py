@@ -15,6 +15,7 @@ from pydantic import BaseModel, Field
 
 from imuscope.recordings.columns.health_history import HealthHistory, health_history
 from imuscope.recordings.columns.store import Base, ColumnStore
+from imuscope.recordings.columns.units import Units
 from imuscope.server import wire
 from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import bytes_of, recording_errors, responses
@@ -190,8 +191,10 @@ def query_recording(
     base: Base = "device",
     answer_format: Format = "arrow",
     device: Annotated[str, Query(description="needed if several devices have a channel of that name")] = "",
+    units: Annotated[Units, Query(description="of the page, SI, or as the device sent them")] = "shown",
 ) -> Response:
     """One channel as a table: Arrow or JSON, every row or summarised in buckets."""
+    store = store.in_units(units)
     infos = channels_of(store)
     info = infos[_number(channel, infos, device)]
     whole = store.span(info.id, base) or (0.0, 0.0)

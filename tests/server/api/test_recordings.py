@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -347,3 +348,16 @@ def test_findings_of_an_earlier_decoder_are_replaced(running: InProcessServer, f
     index = folder / INDEX / "a.mcap.json"
     index.write_text(json.dumps({**json.loads(index.read_text()), "decoder": "earlier", "duration": 4_000.0}))
     assert listed(running) == [right]
+
+
+def test_a_query_takes_the_units_of_its_answer(running: InProcessServer, folder: Path) -> None:
+    drive(folder / "a.mcap", seconds=1.0)
+    opened(running, "a")
+    question = {"channel": "RateOfTurn", "format": "json", "columns": "x"}
+    answers = {}
+    for units in ("shown", "SI", "device"):
+        answers[units] = running.client.get(f"{URL}/a/query", params=question | {"units": units}).json()
+    assert answers["device"]["columns"]["x"] == answers["SI"]["columns"]["x"]
+    assert answers["shown"]["columns"]["x"] == pytest.approx(np.degrees(answers["SI"]["columns"]["x"]), rel=1e-6)
+    wrong = running.client.get(f"{URL}/a/query", params=question | {"units": "deg"})
+    assert_problem(wrong, 422)
