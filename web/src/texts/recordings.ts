@@ -47,7 +47,7 @@ export const TEXT = {
   byArrivalTime: ", by arrival time",
   format: "Format",
   units: "Units",
-  unitsOf: { shown: "As on the page", SI: "SI", device: "As sent" },
+  unitsOf: { shown: "as on the page", SI: "SI", device: "as the device sent them" },
   about: (value: Value, unit: Value) => `about ${value} ${unit}`,
   roughly: (value: Value, unit: Value) => `roughly ${value} ${unit}`,
   exportState: { waiting: "waiting", failed: "failed", cancelled: "cancelled" },

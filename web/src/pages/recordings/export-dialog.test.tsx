@@ -97,11 +97,11 @@ test("a refused export says why in the dialog, over what is behind it", async ()
 
 test("tables are written in the units that are chosen, where that makes a difference", async () => {
   const { asked } = open();
-  fireEvent.click(screen.getByRole("button", { name: "As sent" }));
+  fireEvent.change(screen.getByRole("combobox", { name: "Units" }), { target: { value: "device" } });
   fireEvent.click(screen.getByRole("button", { name: /^Export CSV/ }));
   await waitFor(() => expect(asked.at(-1)?.body).toMatchObject({ units: "device" }));
   fireEvent.click(screen.getByRole("radio", { name: /MATLAB/ }));
-  expect(screen.queryByRole("button", { name: "As sent" })).toBeNull();
+  expect(screen.queryByRole("combobox", { name: "Units" })).toBeNull();
   const again = screen.getByRole<HTMLButtonElement>("button", { name: /^Export MATLAB/ });
   await waitFor(() => expect(again.disabled).toBe(false));
   fireEvent.click(again);

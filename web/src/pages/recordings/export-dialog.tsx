@@ -102,9 +102,9 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
           />
         )}
         {hasUnits && (
-          <Segmented
+          <Select
+            words={TEXT.units}
             label={TEXT.units}
-            class="full-width"
             value={units.value}
             options={(["shown", "SI", "device"] as const).map((one) => [one, TEXT.unitsOf[one]] as const)}
             onChoose={(one) => (units.value = one)}
