@@ -15,9 +15,11 @@ import numpy as np
 from imuscope.protocols.idtp.frames import build as idtp
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.devices.decode.protocol_set import all_protocols
-from imuscope.server.links.base import LinkError
+from imuscope.server.links.base import LinkError, LinkSettings
+from imuscope.server.links.udp import UdpLink
 from tests.server.devices.session_harness import SessionHarness, started
 from tests.support.each_row import each_row
+from tests.support.fakes import FakeClock
 from tests.support.source_files import ROOT, facts_of, python_files, tree_of
 from tests.support.truth_frames import xbus
 
@@ -167,6 +169,18 @@ def answered(*replies: bytes) -> Played:
     return on([*stream[:100], *((stream[99][0] + 0.001, reply) for reply in replies), *stream[140:]])
 
 
+def notices(lost: int) -> Played:
+    """On UDP, where the kernel has dropped so many datagrams."""
+
+    async def read(_: Path) -> set[str]:
+        link = UdpLink("udp://:0", LinkSettings(now_ns=FakeClock().now_ns), "", 0)
+        link._notice(("127.0.0.1", 1), [], 1)
+        link.lost = lost
+        return set(link.notices)
+
+    return read
+
+
 def left_out(stage: Line) -> None:
     stage.link.flow.dropped += 620
 
@@ -310,6 +324,13 @@ CAUSES = [
         instead="The network, this host or the device dropped them",
     ),
     Row(
+        "{} datagrams were lost in this host's receive buffer: it was busy, or the buffer is small "
+        "(`sudo sysctl net.core.rmem_max=8388608`).",
+        "the kernel's count of dropped datagrams (socket backlog)",
+        notices(5),
+        notices(0),
+    ),
+    Row(
         "{} lost ({}): datagrams did not arrive. The network, this host or the device dropped them.",
         "a gap of the counter on UDP, without rejects between",
         on(without(EVEN, 150, 160), kind="udp"),
@@ -388,7 +409,15 @@ CAUSAL = re.compile(
     r"|expires|reasons|did not (?:run|arrive)|in the last minute|over the network)\b"
 )
 FOLDERS = ("server/devices", "server/extensions/alarms", "server/extensions/evidence", "server/extensions/clocks")
+FOLDERS += ("server/extensions/fleet/model", "recordings/columns", "protocols/clocks")
+FILES = ("server/links/udp.py", "server/library/reject_reasons.py", "protocols/xbus/output_changes.py")
 NOT_A_CAUSE = {
+    "share of samples lost in the last minute, 0 … 1; null if unknown": "LossWindow(60)",
+    "%s is damaged; reports after the damage are left out.": "of a journal",
+    "A report for the fleet is left out. %s": "of a journal",
+    "the columns in {} are damaged: {}": "of a cache",
+    "the header is damaged, or is not a header": "both are possible",
+    "the payload is damaged": "its check is wrong",
     "Its baud rate may have changed; it is detected again.": "what is done next",
     "Bytes arrive faster than this host can decode them: the oldest are left out. A recording has them all.": "counted",
     "Sequence restarted: {} sends old numbers ({}), which Secure mode rejects.": "the number is compared",
@@ -426,8 +455,7 @@ def test_every_sentence_with_a_cause_has_a_row() -> None:
     rows = [row.sentence for row in CAUSES]
     without = [
         f"{path.relative_to(ROOT)}: {text}"
-        for folder in FOLDERS
-        for path in python_files(folder)
+        for path in [*python_files(*FOLDERS), *(ROOT / one for one in FILES)]
         for text in sentences(path)
         if CAUSAL.search(text) and text not in NOT_A_CAUSE and not any(text in row for row in rows)
     ]
