@@ -46,6 +46,8 @@ SHOWN = """() => {
     shown["numeral " + numeral.dataset.numeral] = numeral.innerText.trim();
   return shown;
 }"""
+COUNTERS = """() => { const c = window.imuscope.store.channels.value.find(c => c.info.name === "PacketCounter");
+  return Array.from({length: c.ring.length}, (_, i) => c.ring.value(0, i)); }"""
 PIN = "time => { window.imuscope.cursor.value = {kind: 'pinned', time}; }"
 
 
@@ -107,6 +109,8 @@ def test_a_capture_plays_and_its_attitude_is_right(
                      return false; }""",
         last,
     )
+    there = {*page.evaluate(COUNTERS)}  # a page that is slow on a busy machine is spared samples
+    counters = [counter for counter in counters if counter in there]
     yaws = set()
     for share in TIMES:
         target = counters[round(share * (len(counters) - 1))]
