@@ -93,7 +93,7 @@ class ColumnStoreWriter:
         self._rows: dict[int, int] = {}
         self._newest: dict[int, float] = {}  # key of the last row written
         self._index: list[tuple[float, ...]] = []
-        self._written: deque[tuple[tuple[Array, ...], tuple[int, int]]] = deque(maxlen=_MAX_CLOCKS)
+        self._written: deque[tuple[tuple[Array, ...], Array, float, tuple[int, int]]] = deque(maxlen=_MAX_CLOCKS)
 
     def channel(self, number: int, shape: ChannelLayout) -> None:
         """Declare a channel, before its first rows."""
@@ -187,10 +187,8 @@ class ColumnStoreWriter:
 
     def _block(self, number: int, shape: ChannelLayout, columns: list[Array]) -> None:
         arrival, time = (np.ascontiguousarray(column, np.int64) for column in columns[:2])
-        key = seconds(np.where(time == NO_TIME, arrival, time))
-        key[0] = max(key[0], self._newest.get(number, -np.inf))
-        key = np.maximum.accumulate(key)
-        clocks, far_clocks = self._clocks((key, arrival, time, np.ascontiguousarray(columns[2])))
+        newest = self._newest.get(number, -np.inf)
+        key, (clocks, far_clocks) = self._clocks((arrival, time, np.ascontiguousarray(columns[2])), newest)
         values, far_values = self._near.at, self._far.at
         own = [column.astype("<" + dtype, copy=False) for column, dtype in zip(columns[3:], shape.dtypes, strict=True)]
         for array in own:
@@ -207,20 +205,26 @@ class ColumnStoreWriter:
         self._index.append((number, len(key), clocks, values, far_clocks, far_values, *ends))
         self._newest[number] = float(key[-1])
 
-    def _clocks(self, clocks: tuple[Array, ...]) -> tuple[int, int]:
-        """Offsets of these clocks and their levels; written once if several quantities of a message share them."""
-        for known, at in self._written:
-            if all(np.array_equal(a.view(np.int64), b.view(np.int64)) for a, b in zip(known, clocks, strict=True)):
-                return at
+    def _clocks(self, clocks: tuple[Array, ...], newest: float) -> tuple[Array, tuple[int, int]]:
+        """The key of these rows after one of `newest`, and the offsets of their clocks and the levels of these; written
+        once if several quantities of a message share them.
+        """
+        for known, key, before, at in self._written:
+            if before == newest and all(np.array_equal(*pair) for pair in zip(known, clocks, strict=True)):
+                return key, at
+        arrival, time, _ = clocks
+        key = seconds(np.where(time == NO_TIME, arrival, time))
+        key[0] = max(key[0], newest)
+        key = np.maximum.accumulate(key)
         at = self._near.at, self._far.at
-        for array in clocks:
+        for array in (key, *clocks):
             self._near.put(array)
         for level in LEVELS:
             file = self._far if level in FAR_LEVELS else self._near
-            file.put(np.ascontiguousarray(clocks[0][::level]))
-            file.put(seconds(clocks[1][::level]))
-        self._written.append((clocks, at))
-        return at
+            file.put(np.ascontiguousarray(key[::level]))
+            file.put(seconds(arrival[::level]))
+        self._written.append((clocks, key, newest, at))
+        return key, at
 
 
 class _Growing:

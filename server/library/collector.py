@@ -105,14 +105,11 @@ class RecordingSink(EventSink):
         leading: dict[tuple[str, str], int] = {}  # a message's samples are counted once, by the first of its quantities
         for piece in pieces:
             info = self.infos[piece.channel]
-            columns = piece.columns
-            counted = columns[:2]
-            if piece.exact is not None:
-                columns = [*piece.exact, *columns[2:]]
-            if self.by_arrival:
-                columns = [columns[0], columns[0], *columns[2:]]
+            clocks = piece.exact or piece.columns[:2]
+            columns = [clocks[0], clocks[0] if self.by_arrival else clocks[1], *piece.values]
             self._writer.append(piece.channel, columns, piece.place)
             if leading.setdefault((info.device, info.message), piece.channel) == piece.channel:
+                counted = clocks if piece.exact is None else [seconds(one) for one in clocks]
                 self.health_history.samples(info.device, info.message, *counted)
             if info.kind in ("quaternion", "matrix"):
                 self._angles(piece.channel, columns, piece.place)

@@ -216,7 +216,7 @@ class _Device:
 
     def _store_clocks(self) -> None:
         """Store what the page shows live: ± of a line that is full is infinite, which ends the figures before it."""
-        for one in self.devices.health_of_all(self._sink.time, self._capacity):
+        for one in self.devices.health_of_all(self._sink.time, self._capacity, pauses=None):
             drift, uncertainty = one.drift_ppm, one.uncertainty_ms
             if uncertainty is not None or one.time_presumes:
                 none = math.inf if uncertainty is None else math.nan

@@ -50,6 +50,11 @@ class ChannelRows:
     def __len__(self) -> int:
         return len(self.columns[0])
 
+    @property
+    def values(self) -> list[Array]:
+        """The channel's own columns."""
+        return self.columns[2:]
+
 
 class WireRows:
     """Samples of one channel as they were on the wire; ChannelRows that make their columns on access.
@@ -81,8 +86,12 @@ class WireRows:
         return self.arrival_ns, self.time_ns
 
     @property
+    def values(self) -> list[Array]:
+        return values_of(self._batch, self._plan)
+
+    @property
     def columns(self) -> list[Array]:
-        return [seconds(self.arrival_ns), self.time, *values_of(self._batch, self._plan)]
+        return [seconds(self.arrival_ns), self.time, *self.values]
 
 
 def values_of(batch: Batch, cut: ColumnPlan) -> list[Array]:

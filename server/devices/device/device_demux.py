@@ -290,10 +290,10 @@ class LinkDevices:
             sender.ingest.samples = 0  # the next sample makes it live again
 
     def health_of_all(
-        self, now: float, capacity: float | None, pauses: Sequence[tuple[float, float]] = ()
+        self, now: float, capacity: float | None, pauses: Sequence[tuple[float, float]] | None = ()
     ) -> list[wire.DeviceHealth]:
         """The figures of every device of the link for the page, its own first. Rejects are those of the link, because
-        their sender is unknown.
+        their sender is unknown; without `pauses`, when this process did not run, there is no cause of jitter.
         """
         reports = []
         if self._free_at is None or link_load(self.own.stats, capacity, now) < FULL_LINK_SHARE:
@@ -301,7 +301,7 @@ class LinkDevices:
         is_full = now - self._free_at >= FULL_S
         for sender in self.all:
             clock = sender.ingest.clock if sender.ingest is not None else None
-            cause = sender.ingest.jitter_cause(now, pauses) if sender.ingest is not None else None
+            cause = sender.ingest.jitter_cause(now, pauses) if sender.ingest and pauses is not None else None
             reports.append(health(sender.state.info.id, sender.stats, clock, capacity, now, cause, is_full=is_full))
         for one in reports[1:]:
             one.rejects, one.rejects_by = reports[0].rejects, reports[0].rejects_by

@@ -256,7 +256,8 @@ class Ingest:
                 continue
             self._norms_checked_ns = int(batch.arrival_ns[-1])
             with np.errstate(all="ignore"):
-                norms = np.linalg.norm(np.asarray(batch.columns[field_.name], np.float64), axis=1)
+                values = np.asarray(batch.columns[field_.name])
+                norms = np.sqrt(np.einsum("ij,ij->i", values, values))
             odd = np.flatnonzero(np.abs(norms - 1) > UNIT_TOLERANCE)
             if len(odd) and self._norms_checked_ns - self._norm_reported_ns > NORM_REPORT_NS:
                 self._norm_reported_ns, norm = self._norms_checked_ns, float(norms[odd[0]])
