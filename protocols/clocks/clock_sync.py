@@ -204,7 +204,8 @@ class ClockSync:
         sent, waited = self._sent(rows)
         now = self._now
         if now is None:
-            now = self._now = self._mapping(int(device[-1]), int(sent[-1]))
+            first = int(np.argmin(sent - device))  # the least late: of any other, this one would seem to be early
+            now = self._now = self._mapping(int(device[first]), int(sent[first]))
             self.restarts += 1
         x, delay = np.empty(len(device)), np.empty(len(device))
         which = delays_of(device, sent, now.origin, now.host_origin, now.slope, now.intercept, x, delay)

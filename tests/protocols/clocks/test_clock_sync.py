@@ -351,3 +351,20 @@ def test_what_arrives_late_is_known_from_the_clock_of_the_device() -> None:
     assert max(records[3:100]) < 0.01
     assert records[149] > 2.9
     assert records[-1] < 0.01
+
+
+@each_row("late_s", [0.0, 0.005, 0.05, 0.5])
+def test_a_late_last_row_of_the_first_rows_moves_none_of_them(late_s: float) -> None:
+    """Regression: the last row of a first second was its origin. Was it late, all others seemed to be early, so the
+    clock began again, a second ahead, and ran at half its speed until the arrivals had caught up.
+    """
+    random = np.random.default_rng(7)
+    device = np.arange(50) * 20_000_000
+    delay = random.exponential(1e6, 50)
+    delay[-1] += late_s * 1e9
+    arrival = np.maximum.accumulate(device + delay.astype(np.int64)) + 1_760_000_000 * 10**9
+    clock = ClockSync()
+    host = clock.add(device, arrival)
+    assert (np.diff(host) == 20_000_000).all()
+    assert (host <= arrival).all()
+    assert clock.restarts == 0
