@@ -16,7 +16,7 @@ from tests.support.source_files import ROOT
 
 LANGUAGES = {".py": "Python", ".pyi": "Python", ".ts": "TypeScript", ".tsx": "TSX", ".css": "CSS"}
 MARK, MARKED_LINES = "generated", 3
-CEILING = 186_980 + 4_000 + 360  # what the mends of misleading figures may add; numbers of CSV as machine code
+CEILING = 191_340 + 6_000  # what tiles, analysis beside the plots and a library for 500 drives may add
 """Of the sources, in lines. A feature that needs more says so where it raises it."""
 
 

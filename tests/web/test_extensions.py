@@ -123,7 +123,7 @@ def test_the_tests_of_the_page_pass_without_its_extensions(tmp_path: Path) -> No
     _node(_page_without(NAMES, tmp_path), "vitest/vitest.mjs", "run", "--no-color")
 
 
-KERNEL_LINES = 35_500
+KERNEL_LINES = 39_000
 """Of TypeScript and CSS outside extensions: what one needs to see, record, replay and configure a sensor."""
 GENERATED = re.compile(r"wire/(routes|([a-z]+-)?types)\.ts")
 

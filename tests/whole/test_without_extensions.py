@@ -228,7 +228,7 @@ def test_nothing_outside_imports_an_extension() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-MOST_LINES = 63_481
+MOST_LINES = 65_000
 """Of Python without families and extensions: 60 % of what there was before there were extensions, and the fork server,
 which analyses had to themselves before files from outside were read in its processes, too; units, by which columns are
 converted as they are read; and what causes are measured by."""
