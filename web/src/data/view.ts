@@ -1,6 +1,7 @@
 /** What a view of samples is made of: types that plots, panels and the store share. */
 import type { ReadonlySignal, Signal } from "@preact/signals";
 import type { Layout } from "./layout";
+import type { Wish } from "./tiles";
 import type { Channel } from "./channels";
 import type { WorldFrame } from "./rotations";
 
@@ -180,6 +181,8 @@ export interface ViewSignals {
   readonly analyses: Signal<{ readonly [panel in AnalysisPanel]?: AnalysisChoice }>;
   /** Where the panels are. */
   readonly layout: Signal<Layout>;
+  /** Heights that the plots ask for, with what is under them. */
+  readonly plotsWish: Signal<Wish>;
 }
 
 /** Parts of `view`, for what is redrawn when one changes: the view itself changes with every frame of a drag. */

@@ -358,7 +358,7 @@ class Stack implements Panel {
   /** Twice a second: choose the lanes, update screen readers. */
   #slowly(): void {
     const absent = this.#store.devices.peek().find(({ id }) => id === this.#channels[0]?.info.device)?.absent;
-    if (this.#names.choose(this.#channels, absent)) this.#layoutDue = true;
+    if (this.#names.choose(this.#channels, absent, this.#whole === undefined)) this.#layoutDue = true;
     const reading = this.#state.actions.cursorTime();
     const { span, live } = this.#state.view.peek();
     const where = live ? TEXT.lastSeconds(span) : TEXT.secondsUntil(span, clock(this.#state.view.peek().end));
@@ -379,6 +379,7 @@ class Stack implements Panel {
       plot.sheet.resize(width, plot.root.clientHeight);
       plot.wideTitle = titleEnd(plot) > TITLE_PX;
     }
+    this.#ask();
     const box = (sheet: CanvasLayer): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
     [this.#lanesSheet, this.#axis, this.#over].forEach(box);
     const panes = this.#plots.map((plot) => ({
@@ -394,6 +395,19 @@ class Stack implements Panel {
     this.#glass.resize(width, bottom);
     this.#glass.canvas.style.height = `${bottom}px`;
     this.#theme += 1; // a resized canvas is blank
+  }
+
+  /** Ask for the room that the plots need beside lanes, axis and memory strip. */
+  #ask(): void {
+    const under = [this.#more.root, this.#lanesHost, this.#axis.canvas.parentElement, this.#over.canvas.parentElement];
+    const rest = under.reduce((sum, part) => sum + (part?.offsetHeight ?? 0), 0);
+    const order = this.#state.plotOrder.peek();
+    const sizes = this.#plots.map(({ spec, least }) => heightOf(order, spec.key) ?? least);
+    const least = rest + (this.#plots.length > 0 ? Math.max(...this.#plots.map((plot) => plot.least)) : 0);
+    const height = rest + sizes.reduce((sum, px) => sum + px, 0);
+    const { plotsWish } = this.#state;
+    if (plotsWish.peek().height !== height || plotsWish.peek().least !== least)
+      plotsWish.value = { height, least, grows: true };
   }
 
   /** Last arrival from the device, if it or the server is gone. A file that has ended is not gone, nor is a device that was never here. */

@@ -23,6 +23,7 @@ export const TEXT = {
   redo: "Redo (Ctrl+Shift+Z)",
   done: "Done",
   defaultLayout: "Default layout",
+  widthOf: (panel: Value) => `Width of ${panel}`,
   heightOf: (panel: Value) => `Height of ${panel}`,
   sideWidth: "Width of the side column",
   belowHeight: "Height of the lower panels",
