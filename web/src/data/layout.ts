@@ -132,11 +132,11 @@ export function moveBy<T extends PanelPlacement>(layout: Layout, panel: T, steps
   return { ...layout, tiles: exchanged(pruned(layout.tiles, ids), panel.id, other) };
 }
 
-/** Move a panel to an edge of another one of the middle. @param all in their default order */
+/** Move a panel to an edge of another one of the middle, or of the whole middle. @param all in their default order */
 export function tile<T extends PanelPlacement>(
   layout: Layout,
   panel: T,
-  target: string,
+  target: string | undefined,
   edge: Edge,
   all: readonly T[],
 ): Layout {

@@ -9,6 +9,8 @@ it("a panel goes to an edge of another one", () => {
   expect(beside(tree, "xy", "plots", "top")).toEqual(column(["attitude", "xy", "plots"]));
   expect(beside(tree, "attitude", "plots", "left")).toEqual(row("attitude", "plots"));
   expect(beside(tree, "plots", "plots", "left")).toBe(tree);
+  expect(beside(tree, "attitude", undefined, "right")).toEqual(row("plots", "attitude"));
+  expect(beside(tree, "xy", undefined, "bottom")).toEqual(column(["attitude", "plots", "xy"]));
   expect(beside(tree, "xy", "gone", "left")).toBe(tree);
 });
 

@@ -78,20 +78,19 @@ export function pruned(tree: Tile | undefined, ids: readonly string[]): Split {
   };
 }
 
-/** With a panel at an edge of another one, which gives it half of its room. A panel beside itself stays. */
-export function beside(tree: Split, id: string, target: string, edge: Edge): Split {
+/** With a panel at an edge of another one, which gives it half of its room, or of the whole. A panel beside itself stays. */
+export function beside(tree: Split, id: string, target: string | undefined, edge: Edge): Split {
   const along = edge === "left" || edge === "right" ? "row" : "column";
   const isBefore = edge === "left" || edge === "top";
   const rest = id === target ? tree : without(tree, id);
-  if (id === target || rest === undefined || !leaves(rest).includes(target)) return tree;
+  if (id === target || rest === undefined) return tree;
+  if (target !== undefined && !leaves(rest).includes(target)) return tree;
+  const split = (tile: Tile): Tile => simple({ along, parts: isBefore ? [id, tile] : [tile, id] }) ?? tile;
   const insert = (tile: Tile): Tile => {
-    if (typeof tile === "string") {
-      if (tile !== target) return tile;
-      return { along, parts: isBefore ? [id, tile] : [tile, id] };
-    }
+    if (typeof tile === "string") return tile === target ? split(tile) : tile;
     return mapped(tile, insert) ?? tile;
   };
-  const next = insert(rest);
+  const next = target === undefined ? split(rest) : insert(rest);
   return typeof next === "string" ? column([next]) : next;
 }
 

@@ -61,6 +61,7 @@ const ORDERS = [
   { order: ["Temperature", "Acceleration", "custom:p1"], heights: { Acceleration: 200, Temperature: 40 } },
   { heights: { "Position/ECEF": 333 } },
   { order: ["Pressure"] },
+  { tiles: { Acceleration: "plots/2" } },
 ];
 
 export function randomParts(next: Random): Record<string, unknown> {

@@ -6,25 +6,32 @@ import type { App, Deps } from "../page/context";
 import type { PanelDefinition } from "../panels/registry";
 import type { Panel } from "../ui/dom/dom";
 import { mountPanel, PanelHost } from "../panels/panel-host";
-import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/workspace";
+import { IconButton } from "../ui/controls/icon-button";
 import { usePhone } from "../ui/controls/use-phone";
 import { Divider } from "./divider";
-import { HEIGHT, type Layout, setHeight, setShares, treeOf } from "../data/layout";
+import { HEIGHT, type Layout, setHeight, setShares, show, treeOf } from "../data/layout";
+import { PLOTS_TILE } from "../data/plot-order";
 import { leaves, type Wish } from "../data/tiles";
+import type { StackDeps } from "../plots/plot-stack";
 import { PanelHead } from "./panel-head";
-import { panelsOf } from "./panels";
+import { isPlotsTile, panelsOf } from "./panels";
 import { arrangement, type Box, type Seam } from "./rectangles";
 import { sessionOf, type WorkspaceSession } from "./session";
+import { dragPlots, TileGrip } from "./tile-grip";
 
 interface Props {
   readonly app: App;
   readonly deps: Deps;
-  readonly mountPlots: (host: HTMLElement) => Panel;
+  readonly mountPlots: (host: HTMLElement, tile: Required<Pick<StackDeps, "tile" | "dragOut">>) => Panel;
   /** Bands over the plots. */
   readonly children?: ComponentChildren;
   readonly under?: ComponentChildren;
 }
+
+/** Tiles under this width have their parts below each other, px. */
+const NARROW_PX = 520;
+const isNarrow = (box: Box | undefined): boolean => box !== undefined && box.width < NARROW_PX;
 
 /** Heights of the attitude, and of another panel that has no height of its own, px. */
 const ATTITUDE: Wish = { height: 212, least: 104 };
@@ -34,7 +41,8 @@ const LEAST_PX = 120;
 function wishes(layout: Layout, panels: readonly PanelDefinition[], plots: Wish) {
   return (id: string): Wish => {
     const chosen = layout.panels[id]?.height;
-    if (id === "plots") return plots;
+    if (id === PLOTS_TILE) return plots;
+    if (isPlotsTile(id)) return { height: 2 * ATTITUDE.height, least: 128, grows: true };
     if (chosen !== undefined) return { height: chosen, least: chosen };
     if (id === "attitude") return ATTITUDE;
     return { height: PANEL_PX[panels.find((panel) => panel.id === id)?.height ?? "usual"], least: LEAST_PX };
@@ -69,25 +77,35 @@ export function MainColumn({ app, deps, mountPlots, children, under }: Props) {
     <div class="tiles" ref={host}>
       {shown.map((panel) => (
         <div
-          class={`tile ${panel.id === "plots" ? "of-plots" : ""}`}
+          class={`tile ${isPlotsTile(panel.id) ? "of-plots" : ""} ${isNarrow(placed.boxes.get(panel.id)) ? "narrow" : ""}`}
           key={panel.id}
+          data-tile={panel.id}
           style={styleOf(placed.boxes.get(panel.id))}
         >
-          {panel.id === "plots" ? (
+          {(isPlotsTile(panel.id) || panel.id === "attitude") && shown.length > 1 && (
+            <TileGrip session={session} panel={panel} all={all} />
+          )}
+          {isPlotsTile(panel.id) ? (
             <>
-              {children}
+              {panel.id === PLOTS_TILE && children}
               <div
                 class={`plots ${layout.maximised === panel.id ? "maximised" : ""}`}
-                id="plots"
-                data-panel="plots"
+                id={panel.id.replace("/", "-")}
+                data-panel={panel.id}
                 tabIndex={-1}
               >
-                <PanelHost class="plot-host flex-column" label={COMMON.plots} mount={mountPlots} />
+                <PanelHost
+                  class="plot-host flex-column"
+                  label={panel.title}
+                  mount={(host) =>
+                    mountPlots(host, { tile: panel.id, dragOut: dragPlots(session, panel.id, () => panelsOf(deps)) })
+                  }
+                />
               </div>
-              {under}
+              {panel.id === PLOTS_TILE && under}
             </>
           ) : (
-            <MainPanel deps={deps} panel={panel} />
+            <MainPanel session={session} deps={deps} panel={panel} all={all} />
           )}
         </div>
       ))}
@@ -120,7 +138,7 @@ function SeamLine({ seam, session, all, style }: SeamProps) {
   const nameOf = (part: typeof before): string =>
     (part === undefined ? [] : leaves(part)).map((id) => all.find((panel) => panel.id === id)?.title ?? id).join(", ");
   // In a column whose panels have the size that they ask for, a line sets the height of the panel beside the plots.
-  const sized = [before, after].find((part) => typeof part === "string" && part !== "plots");
+  const sized = [before, after].find((part) => typeof part === "string" && !isPlotsTile(part));
   const setsHeight =
     seam.along === "column" && split.shares === undefined && typeof sized === "string" ? sized : undefined;
   const isBefore = setsHeight === undefined || setsHeight === before;
@@ -153,7 +171,14 @@ function SeamLine({ seam, session, all, style }: SeamProps) {
   );
 }
 
-function MainPanel({ deps, panel }: { readonly deps: Deps; readonly panel: PanelDefinition }) {
+interface PanelProps {
+  readonly session: WorkspaceSession;
+  readonly deps: Deps;
+  readonly panel: PanelDefinition;
+  readonly all: readonly PanelDefinition[];
+}
+
+function MainPanel({ session, deps, panel, all }: PanelProps) {
   const caption = useRef<HTMLSpanElement>(null);
   const isMaximised = deps.viewState.layout.value.maximised === panel.id;
   if (panel.id === "attitude")
@@ -169,7 +194,15 @@ function MainPanel({ deps, panel }: { readonly deps: Deps; readonly panel: Panel
   const { after: After } = panel;
   return (
     <section class={`main-panel ${isMaximised ? "maximised" : ""}`} aria-label={panel.title} data-panel={panel.id}>
-      <PanelHead panel={panel} caption={caption} />
+      <PanelHead panel={panel} session={session} all={all} caption={caption}>
+        <span class="grow" />
+        <IconButton
+          icon="close"
+          class="desk"
+          label={TEXT.hidePanel(panel.title)}
+          onClick={() => session.change((layout) => show(layout, panel, false))}
+        />
+      </PanelHead>
       <div class="panel-body" tabIndex={0} role="group" aria-label={panel.title}>
         <PanelHost
           {...(panel.class === undefined ? {} : { class: panel.class })}
