@@ -62,7 +62,7 @@ class _Lead:
                 self.frames[number] = data[good[OFFSET, at] : good[OFFSET, at] + good[SIZE, at]]
         self.rest = data[scan.at :]
 
-    def taken(self) -> list[tuple[int, bytes]]:
+    def beginning(self) -> list[tuple[int, bytes]]:
         """The chunks that the range begins with."""
         data = b"".join(data for _, data in self.chunks)
         begin = 0
@@ -146,21 +146,22 @@ def _cut(
     title = whole.title or metadata.get(RECORDING, {}).get("title", "")
     note = _origin(request, title or (request.source or Path()).stem)
     t0, t1 = first / 1e9, last / 1e9
-    kept = replace(
+    metadata[EDIT] = replace(
         whole,
         title=None,
         notes="\n\n".join(filter(None, (note, whole.notes))),
         pinned=None,
         markers=tuple(one for one in whole.markers if t0 <= one.time <= t1),
-    )
-    metadata |= {name: {**metadata.get(name, {}), **values} for name, values in _settled(request)}
+    ).as_metadata()
     metadata[RECORDING] = {**metadata.get(RECORDING, {}), "title": request.title}
-    target.end({**metadata, EDIT: kept.as_metadata()})
+    for name, values in _settled(request):
+        metadata[name] = {**metadata.get(name, {}), **values}
+    target.end(metadata)
 
 
 def _begin(target: ChunkedFile, first: int, leads: Mapping[int, _Lead], latest: Mapping[int, bytes]) -> None:
     """Write what decoding needs before the first chunk of the range."""
-    rows = [(number, time or first, data) for number, lead in leads.items() for time, data in lead.taken()]
+    rows = [(number, time or first, data) for number, lead in leads.items() for time, data in lead.beginning()]
     rows += [(number, first, data) for number, data in latest.items()]
     if rows:
         sizes = np.array([len(data) for *_, data in rows], np.int64)
@@ -181,12 +182,12 @@ def _family(request: ExportRequest, device: str) -> ProtocolInfo | None:
 
 
 def _settled(request: ExportRequest) -> Iterator[tuple[str, dict[str, str]]]:
-    """What decoding the whole has found out of its devices: their protocol, and the unit of their timestamps."""
+    """Findings of decoding the whole: the protocol of each device, and the unit of its timestamps."""
     events = request.columns.manifest["events"]
-    units = {one["device"]: one["data"]["unit"] for one in events if one["data"].get("reason") == "unit"}
+    units = {one["device"]: one["data"] for one in events if one["data"].get("reason") == "unit"}
     for one in request.columns.manifest["devices"]:
         if "." not in one["id"] and one["protocol"]:
-            unit = {"time_unit": units[one["id"]]} if one["id"] in units else {}
+            unit = {units[one["id"]]["option"]: units[one["id"]]["unit"]} if one["id"] in units else {}
             yield DEVICE + one["id"], {"protocol": one["protocol"], **unit}
 
 

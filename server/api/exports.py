@@ -39,7 +39,7 @@ async def keep_range(request: Request, recording: str, body: KeepRequest, servic
     check_range(body.t0, body.t1)
     check_length(body.title, MAX_TITLE, "The title")
     if not 0 <= body.t0 < LAST_DATE:
-        raise DomainError("bad-span", "t0 is not a time.", "Unix seconds, t0 ≤ t1.")
+        raise DomainError("bad-span", "The range begins before 1970, or too late.", "Unix seconds, t0 ≤ t1.")
     with recording_errors(recording):
         await services.catalogue.entry(recording)
         entry = await services.exports.keep(recording, body, user_of(request))

@@ -77,18 +77,18 @@ def test_its_chunks_are_those_of_the_range_and_its_rows_those_of_the_original(tm
         begin = (store.span() or (0.0, 0.0))[0]
         request = ExportRequest(store, path, "Kerb", begin + BEGIN_S, begin + END_S)
         (made,) = export("recording", request, tmp_path / "part.imuscope.mcap")
-        kept = imuscope.open(made)
+        part = imuscope.open(made)
         ends = []
         for info in store.manifest["channels"]:
             lo, hi = store.between(info["id"], request.t0, request.t1)
             ends += store.clock_ns(info["id"], lo, hi, "arrival").tolist()
         span = min(ends), max(ends)
-        expected, found = rows(store, span), rows(kept._store, span)
-    assert expected.keys() == found.keys()
+        expected, again = rows(store, span), rows(part._store, span)
+    assert expected.keys() == again.keys()
     for name, columns in expected.items():
-        apart = np.abs(columns[1] - found[name][1])
+        apart = np.abs(columns[1] - again[name][1])
         assert apart.max() < 1e6, f"{name}: the clock is off by {apart.max() / 1e6} ms"
-        for before, after in zip([columns[0], *columns[2:]], [found[name][0], *found[name][2:]], strict=True):
+        for before, after in zip([columns[0], *columns[2:]], [again[name][0], *again[name][2:]], strict=True):
             np.testing.assert_array_equal(before, after, name)
     # byte for byte, and no more before it than the beginning of a frame and what describes the device
     inside = [one for one in chunks(path) if span[0] <= one[0] <= span[1]]
@@ -96,12 +96,12 @@ def test_its_chunks_are_those_of_the_range_and_its_rows_those_of_the_original(tm
     assert mine[-len(inside) :] == inside
     lead = b"".join(data for _, data in mine[: -len(inside)])
     assert len(lead) < 600
-    assert kept._store.manifest["figures"]["1"]["rejects"] == 0
+    assert part._store.manifest["figures"]["1"]["rejects"] == 0
     assert [time for time, _ in chunks(made, "tx")] == [
         time for time, _ in chunks(path, "tx") if span[0] <= time <= span[1]
     ]
     # what is beside the bytes
-    assert next(iter(kept._store.manifest["snapshots"].values()))["values"] == {"rate": 100}
+    assert next(iter(part._store.manifest["snapshots"].values()))["values"] == {"rate": 100}
     stored = sidecar.from_metadata(open_file(made)._recording.meta("edit"))  # type: ignore[attr-defined]
     assert stored.tags == ("yard",)
     assert [marker.time for marker in stored.markers] == [START / 1e9 + 3.2]
@@ -117,9 +117,9 @@ def test_a_capture_is_kept_with_the_times_derived_for_it(tmp_path: Path) -> None
     (made,) = original.export(tmp_path / "part.imuscope.mcap", begin_s=BEGIN_S, end_s=END_S)
     mine = b"".join(data for _, data in chunks(made))
     assert mine in path.read_bytes()
-    kept = imuscope.open(made)
+    part = imuscope.open(made)
     name = original.signals[0].name
-    assert abs(len(kept[name]) - (END_S - BEGIN_S) * original[name].rate) <= 2
+    assert abs(len(part[name]) - (END_S - BEGIN_S) * original[name].rate) <= 2
 
 
 def test_a_table_has_no_bytes_to_keep(tmp_path: Path) -> None:

@@ -60,14 +60,14 @@ def test_a_range_is_kept_as_a_recording_of_the_library(tmp_path: Path) -> None:
         t0 = START / 1e9 + 1.0
         answer = running.client.post(f"{url}/keep", json={"t0": t0, "t1": t0 + 1.5, "title": "Kerb"})
         assert answer.status_code == 201, answer.text
-        kept = answer.json()
-        assert (kept["title"], kept["tags"], kept["markers"]) == ("Kerb", ["yard"], 1)
-        assert kept["notes"].startswith("00:00.")
-        assert "of A drive.\n20251009T085320Z-MTi-630.mcap, " in kept["notes"]
-        assert kept["notes"].endswith("\n\nThree laps.")
-        assert kept["file"] == "20251009T085321Z-MTi-630.mcap"
-        assert kept["duration"] == pytest.approx(1.5, abs=0.05)
-        assert {one["id"] for one in running.client.get("/api/recordings").json()} == {path.stem, kept["id"]}
+        made = answer.json()
+        assert (made["title"], made["tags"], made["markers"]) == ("Kerb", ["yard"], 1)
+        assert made["notes"].startswith("00:00.")
+        assert "of A drive.\n20251009T085320Z-MTi-630.mcap, " in made["notes"]
+        assert made["notes"].endswith("\n\nThree laps.")
+        assert made["file"] == "20251009T085321Z-MTi-630.mcap"
+        assert made["duration"] == pytest.approx(1.5, abs=0.05)
+        assert {one["id"] for one in running.client.get("/api/recordings").json()} == {path.stem, made["id"]}
         assert_problem(running.client.post(f"{url}/keep", json={"t0": t0 + 90, "t1": t0 + 91}), 422, "cannot-open")
         assert_problem(running.client.post(f"{url}/keep", json={"t0": t0, "t1": t0 - 1}), 422, "bad-span")
         assert_problem(running.client.post("/api/recordings/none/keep", json={"t0": t0, "t1": t0 + 1}), 404)
