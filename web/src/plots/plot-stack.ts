@@ -14,7 +14,7 @@
  * never in between, so a frame causes no reflow.
  */
 import { computed, effect } from "@preact/signals";
-import type { Channel } from "../data/channels";
+import { sampledSpan, type Channel } from "../data/channels";
 import type { Store } from "../data/store";
 import type { ViewState } from "../data/view-state";
 import type { CustomPlot, PlotOrder, Reads, PlotSpec, Series } from "../data/view";
@@ -64,8 +64,6 @@ export interface StackDeps {
 
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
-/** A longer title reaches the tick labels, px from the left. */
-const TITLE_PX = 126;
 
 class Stack implements Panel {
   readonly #store: Store;
@@ -396,7 +394,7 @@ class Stack implements Panel {
     for (const plot of this.#plots) {
       plot.top = plot.root.offsetTop;
       plot.sheet.resize(width, plot.root.clientHeight);
-      plot.wideTitle = titleEnd(plot) > TITLE_PX;
+      plot.measureTitle();
     }
     this.#ask();
     const box = (sheet: CanvasLayer): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
@@ -445,13 +443,7 @@ class Stack implements Panel {
 
   #bounds(): { readonly first: number; readonly last: number } | undefined {
     if (this.#whole) return this.#whole();
-    let [first, last] = [Infinity, -Infinity];
-    for (const { ring } of this.#channels) {
-      if (ring.length === 0) continue;
-      first = Math.min(first, ring.time(0));
-      last = Math.max(last, ring.time(ring.length - 1));
-    }
-    return first <= last ? { first, last } : undefined;
+    return sampledSpan(this.#channels);
   }
 
   /** The sample `steps` on from t, of the first channel. */
@@ -499,11 +491,6 @@ class Stack implements Panel {
     this.#seen.disconnect();
     this.#root.remove();
   }
-}
-
-function titleEnd({ legend }: Plot): number {
-  const title = legend.root.querySelector("b");
-  return title === null ? 0 : title.offsetLeft + title.offsetWidth;
 }
 
 export const mountStack = (host: HTMLElement, deps: StackDeps): Panel => new Stack(host, deps);

@@ -29,6 +29,8 @@ const LEGEND_HEIGHT = 26;
 const [ROW_PX, ROOM_PX] = [15.5, 26];
 /** A plot is no lower, px: under that a curve is not read any more. */
 const LEAST_PX = 104;
+/** A longer title reaches the tick labels, px from the left. */
+const TITLE_END_PX = 126;
 const LINE_PX = 1.15;
 /** Least distance of letters at the right end and of tick labels, px. */
 const LETTERS_APART = 11.5;
@@ -116,6 +118,12 @@ export class Plot {
     this.#legendHeight = height;
     this.root.style.setProperty("--legend-h", `${height}px`);
     return true;
+  }
+
+  /** Note whether the title reaches the tick labels. */
+  measureTitle(): void {
+    const title = this.legend.root.querySelector("b");
+    this.wideTitle = title !== null && title.offsetLeft + title.offsetWidth > TITLE_END_PX;
   }
 
   /** Position of a value, CSS px from the plot's top. @param isRight on the right axis */

@@ -7,7 +7,7 @@ import { TEXT } from "../texts/workspace";
 import { openPage } from "../testing/live-page";
 import { press } from "../testing/queries";
 import { recorded } from "../testing/recorded";
-import { nearestEdge, neighbour } from "./tile-grip";
+import { nearestEdge, panelBeside } from "./tile-grip";
 
 const box = (left: number, top: number, width: number, height: number) =>
   ({ left, top, width, height, right: left + width, bottom: top + height }) as DOMRect;
@@ -26,11 +26,11 @@ it("the neighbour on a side is the nearest one that lies beside it", () => {
     { id: "c", box: box(101, 51, 100, 49) },
     { id: "d", box: box(202, 0, 100, 100) },
   ];
-  expect(neighbour(all, "a", "right")).toBe("b");
-  expect(neighbour(all, "d", "left")).toBe("b");
-  expect(neighbour(all, "b", "bottom")).toBe("c");
-  expect(neighbour(all, "a", "top")).toBeUndefined();
-  expect(neighbour(all, "gone", "top")).toBeUndefined();
+  expect(panelBeside(all, "a", "right")).toBe("b");
+  expect(panelBeside(all, "d", "left")).toBe("b");
+  expect(panelBeside(all, "b", "bottom")).toBe("c");
+  expect(panelBeside(all, "a", "top")).toBeUndefined();
+  expect(panelBeside(all, "gone", "top")).toBeUndefined();
 });
 
 async function opened() {

@@ -198,7 +198,7 @@ const ARROWS: Readonly<Record<string, Edge>> = {
 };
 
 /** The panel that lies next on a side; undefined: none. */
-export function neighbour(all: readonly Placed[], id: string, edge: Edge): string | undefined {
+export function panelBeside(all: readonly Placed[], id: string, edge: Edge): string | undefined {
   const own = all.find((one) => one.id === id)?.box;
   if (!own) return undefined;
   const gap = ({ box }: Placed): number =>
@@ -224,7 +224,7 @@ export function neighbour(all: readonly Placed[], id: string, edge: Edge): strin
 function stepped(layout: Layout, panel: PanelDefinition, edge: Edge, all: readonly PanelDefinition[]): Layout {
   const placed = tilesNow();
   const at = placed.findIndex(({ id }) => id === panel.id);
-  const target = neighbour(placed, panel.id, edge) ?? placed[at === 0 ? 1 : at - 1]?.id;
+  const target = panelBeside(placed, panel.id, edge) ?? placed[at === 0 ? 1 : at - 1]?.id;
   if (at < 0 || target === undefined) return tile(layout, panel, undefined, edge, all);
   const next = tile(layout, panel, target, edge, all);
   const isSame = JSON.stringify(next.tiles) === JSON.stringify(layout.tiles);
