@@ -381,10 +381,12 @@ class VendorLogs:
 
     Args:
         log_header, log_formats: of the vendor's own files.
+        describing: ids of frames that say how later ones are decoded: a part of a stream begins with the last of each.
     """
 
     log_header: LogHeader | None = None
     log_formats: tuple[LogFormat, ...] = ()
+    describing: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

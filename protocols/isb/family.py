@@ -40,7 +40,7 @@ from imuscope.protocols.isb.driver import IsbDriver
 from imuscope.protocols.isb.frames import DATA, build, get_data, scan, stop
 from imuscope.protocols.isb.inspect import IsbFrameLister, detection_score
 from imuscope.protocols.isb.json_codec import elements, frame_from_json
-from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, ROWS, set_row
+from imuscope.protocols.isb.messages import BY_NAME, COMMANDS, DEVICE_INFOS, ROWS, set_row
 from imuscope.protocols.isb.stored_settings import STORED
 from imuscope.protocols.isb.streams import OF_GPX, STREAMS, every, stream_words
 from imuscope.protocols.isb.time_base import FIRST_WEEK, GPS_EPOCH, WEEK_S, S
@@ -271,6 +271,7 @@ FAMILY = ProtocolInfo(
         mounting=MOUNTING,
     ),
     logs=VendorLogs(
+        describing=DEVICE_INFOS,
         log_formats=(
             LogFormat(
                 "raw",

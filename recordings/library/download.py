@@ -19,16 +19,14 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex
 
-from imuscope.protocols.arrays import Ints
-from imuscope.protocols.messages.records import MessageChannel
 from imuscope.recordings import sidecar
 from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.importers.wrapped_capture import wrap_capture
 from imuscope.recordings.library.recording_probe import CAPTURE_FORMATS
-from imuscope.recordings.mcap.compaction import write_compacted, write_recording
+from imuscope.recordings.mcap.compaction import write_compacted
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.records import MAGIC, bytes_of
-from imuscope.recordings.mcap.writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
-from imuscope.recordings.sources import Source
+from imuscope.recordings.mcap.writer import EDIT
 from imuscope.recordings.system.regular_file import open_regular
 
 BOM = b"\xef\xbb\xbf"
@@ -58,21 +56,6 @@ def full_recording(path: Path, title: str, edits: sidecar.Edits, format_name: st
             _with_edits(file, edits, format_name, out)
         return
     wrap_capture(open_file(path), title, edits, out)
-
-
-def wrap_capture(source: Source, title: str, edits: sidecar.Edits, out: BinaryIO) -> None:
-    """Write a capture or a log as a recording: its bytes as chunks with the times derived for them.
-
-    Raises:
-        RecordingError, OSError: it cannot be read.
-    """
-    topics = {n: MessageChannel(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}
-    metadata = {
-        RECORDING: {"title": title, "source": source.path.name, **source.header},
-        **{DEVICE + name: _about(source, name) for name in source.devices},
-        EDIT: edits.as_metadata(),
-    }
-    write_recording(topics, _pieces(source, topics), metadata, source.path.stat().st_size, out)
 
 
 def original_bytes(path: Path, device: str, out: BinaryIO) -> None:
@@ -138,14 +121,3 @@ def _summary(records: bytes) -> Iterator[bytes]:
             struct.pack_into("<I", record, _METADATA_COUNT, count + 1)
         if opcode != Opcode.SUMMARY_OFFSET:
             yield bytes(record)
-
-
-def _about(source: Source, device: str) -> dict[str, str]:
-    known = source.devices[device]
-    return {"protocol": known.protocol, "link": "file", **known.identity}
-
-
-def _pieces(source: Source, topics: dict[int, MessageChannel]) -> Iterator[tuple[int, bytes, Ints, Ints]]:
-    numbers = {topic.topic: number for number, topic in topics.items()}
-    for part in source.parts():
-        yield numbers[f"{part.direction}/{part.device}"], part.data, part.ends, part.times

@@ -2,19 +2,26 @@
 
 import math
 
-from fastapi import Response
+from fastapi import Request, Response
 from fastapi.responses import FileResponse
 
 from imuscope.server import wire
-from imuscope.server.api.dependencies import TheServices
-from imuscope.server.api.errors import bytes_of, recording_errors, responses
+from imuscope.server.api.dependencies import TheServices, user_of
+from imuscope.server.api.errors import bytes_of, check_length, recording_errors, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
-from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
+from imuscope.server.library.api_models import (
+    ExportJobRequest,
+    ExportSelection,
+    ExportSizes,
+    KeepRequest,
+    RecordingInfo,
+)
+from imuscope.server.library.export_jobs import LAST_DATE
 
 router = lazy_router(prefix="/api/recordings", tags=["exports"])
 
-MAX_CHANNELS = 10_000
+MAX_CHANNELS, MAX_TITLE = 10_000, 200
 
 
 @router.post("/{recording}/exports", status_code=202, responses=responses(404, 409, 422))
@@ -24,6 +31,20 @@ async def add_export(recording: str, body: ExportJobRequest, services: TheServic
     with recording_errors(recording):
         await services.catalogue.entry(recording)
         return services.exports.add(recording, body)
+
+
+@router.post("/{recording}/keep", status_code=201, responses=responses(404, 409, 422))
+async def keep_range(request: Request, recording: str, body: KeepRequest, services: TheServices) -> RecordingInfo:
+    """Make a recording of a range of another one, with its bytes and a note of its origin."""
+    check_range(body.t0, body.t1)
+    check_length(body.title, MAX_TITLE, "The title")
+    if not 0 <= body.t0 < LAST_DATE:
+        raise DomainError("bad-span", "The range begins before 1970, or too late.", "Unix seconds, t0 ≤ t1.")
+    with recording_errors(recording):
+        await services.catalogue.entry(recording)
+        entry = await services.exports.keep(recording, body, user_of(request))
+    services.catalogue.changed()
+    return services.catalogue.to_api(entry)
 
 
 @router.post("/{recording}/export-sizes", responses=responses(404, 422))

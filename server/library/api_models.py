@@ -163,6 +163,16 @@ class ExportJobRequest(ExportSelection):
 
 
 @dataclass(slots=True)
+class KeepRequest:
+    """A range of a recording that becomes a recording of its own."""
+
+    t0: float
+    t1: float
+    base: Literal["device", "arrival"] = "device"
+    title: str = ""
+
+
+@dataclass(slots=True)
 class ExportSizes:
     """Estimated sizes of exports, bytes, without those that could not be measured."""
 

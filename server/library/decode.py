@@ -147,7 +147,7 @@ class _Device:
         probe.drain()
         if (doubt := probe.contradiction) is not None:
             self._reading = self._reading.replaced({probe.doubted: doubt.value})
-            data = {"reason": "unit", "unit": doubt.value}
+            data = {"reason": "unit", "option": probe.doubted, "unit": doubt.value}
             self.devices.own.events.report("device", "warning", doubt_text(probe.doubted, doubt), data=data)
 
     def _begin(self) -> None:

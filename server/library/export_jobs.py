@@ -11,6 +11,7 @@ after that day.
 
 import asyncio
 import contextlib
+import re
 import shutil
 import time
 from collections.abc import Mapping
@@ -21,10 +22,12 @@ from typing import Any
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import FORMATS
+from imuscope.recordings.file_names import SUFFIX
+from imuscope.recordings.library.entry import LibraryEntry
 from imuscope.server import wire
 from imuscope.server.concurrency.tasks import end_tasks
 from imuscope.server.errors import DomainError
-from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes
+from imuscope.server.library.api_models import ExportJobRequest, ExportSelection, ExportSizes, KeepRequest
 from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.streaming.bus import TelemetryBus
@@ -166,6 +169,28 @@ class ExportJobs:
             finally:
                 await worker.end(STOP_S)
         return ExportSizes(**answers[0]) if is_done else ExportSizes()
+
+    async def keep(self, recording: str, request: KeepRequest, user: str = "") -> LibraryEntry:
+        """Make a recording of a part of another one (recordings/exporters/kept_range.py), and add it to the library.
+
+        Raises:
+            KeyError: unknown recording.
+            DomainError: it is still being recorded.
+            RecordingError, OSError: it cannot be made.
+        """
+        if self._catalogue.info(recording).recording:
+            raise DomainError("busy", "The recording is still running.", "Stop the recording first.")
+        begun = datetime.fromtimestamp(request.t0, UTC).strftime("%Y%m%dT%H%M%SZ")
+        stem = f"{begun}-{re.sub(r'^[0-9]{8}T[0-9]{6}Z-?', '', recording) or 'kept'}"
+        message = {**asdict(ExportJobRequest("recording", t0=request.t0, t1=request.t1, base=request.base)), "stem": ""}
+        work = ExportWork("recording", "", "imuscope.server.library.export_worker", message, stem, SUFFIX)
+        path = await asyncio.to_thread(self._catalogue.library.incoming, f"{stem}{SUFFIX}")
+        job = _Job(wire.ExportJob(0, recording, "recording", "", "running"), work, path.parent)
+        try:
+            [made] = await self._written(job, request.title)
+            return await self._catalogue.add_upload(made, user)
+        finally:
+            await asyncio.to_thread(self._catalogue.library.refuse, path)
 
     async def drop(self, number: int) -> None:
         """Cancel a job, or delete it and its result; KeyError for an unknown job."""

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, SILENT, click, press, show
+from tests.browser.page_checks import DESKTOP, PHONE, SILENT, click, first_five_plots, press, show
 from tests.conftest import READY
 from tests.support.chromium import until
 from tests.support.server_process import ServerProcess
@@ -54,6 +54,17 @@ def opened(server: ServerProcess, open_page: Callable[..., Page], size: tuple[in
 def view_of(page: Page) -> dict[str, Any]:
     """The visible range and the playhead."""
     return page.evaluate("({...window.imuscope.view.value, head: window.imuscopeReplay.head})")  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("size", [DESKTOP, (720, 450), PHONE], ids=str)
+def test_plots_of_the_player_have_room(
+    recorded: ServerProcess, open_page: Callable[..., Page], size: tuple[int, int]
+) -> None:
+    plots = first_five_plots(opened(recorded, open_page, size))
+    assert min(bottom - top for top, bottom in plots) >= 96
+    assert plots[0][1] <= size[1], "one whole plot is in the first view"
+    if size == DESKTOP:
+        assert sum(bottom - top for top, bottom in plots) >= 520
 
 
 def test_from_the_record_button_to_the_list(

@@ -50,6 +50,7 @@ HELD: Mapping[str, Sequence[str]] = {
     "mtb": ("all", "all", "yes", "yes", "spacing", "no", "yes", "yes"),
     "raw": ("all", "all", "yes", "yes", "spacing", "no", "yes", "yes"),
     "bytes": ("all", "all", "yes", "yes", "spacing", "no", "yes", "yes"),
+    "recording": ("all", "all", "yes", "yes", "within ±", "yes", "yes", "yes"),
 }
 NOT_OPENED = {"csv-aligned", "rrd"}
 SOURCES = ("xbus", "isb", "idtp", "table", "messages")
@@ -65,7 +66,8 @@ FIELD_FILES = (
     *("recorded_nmea_has_utc.mcap", "tunerstudio.msl", "unit_row_one_unknown.csv"),
 )
 IN_FULL = ("csv", "parquet", "csv-plotjuggler", "mcap")
-BYTES = {"mtb": ("xbus",), "raw": ("isb",), "bytes": ("xbus", "isb", "idtp")}
+SIMULATED = ("xbus", "isb", "idtp")
+BYTES = {"mtb": ("xbus",), "raw": ("isb",), "bytes": SIMULATED, "recording": SIMULATED}
 DEG = np.pi / 180
 SHOWN = {"rad/s": ("°/s", 1 / DEG), "mm": ("m", 1e-3)}  # units in which messages are shown
 FRD = np.array([1.0, -1.0, -1.0])

@@ -14,9 +14,10 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.server.library import export_jobs
 from imuscope.server.library.export_jobs import ExportJobs
 from imuscope.server.settings.config import Config
-from tests.recordings.recorded_drive import drive
+from tests.recordings.recorded_drive import START, drive
 from tests.support.fakes import FakeLink
 from tests.support.in_process_server import InProcessServer
+from tests.support.problems import assert_problem
 from tests.support.waiting import block_until
 
 
@@ -47,6 +48,30 @@ def test_a_recording_that_is_compacted_during_its_export_is_exported_again(
         state = block_until(done, "the export is finished")
     assert state["state"] == "done", state["message"]
     assert 2 <= len(attempts) <= 3  # three if the server compacts it meanwhile, too
+
+
+def test_a_range_is_kept_as_a_recording_of_the_library(tmp_path: Path) -> None:
+    path = tmp_path / "recordings" / "20251009T085320Z-MTi-630.mcap"
+    path.parent.mkdir()
+    drive(path, seconds=4.0)
+    url = f"/api/recordings/{path.stem}"
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+        running.client.patch(url, json={"tags": ["yard"], "notes": "Three laps."})
+        t0 = START / 1e9 + 1.0
+        answer = running.client.post(f"{url}/keep", json={"t0": t0, "t1": t0 + 1.5, "title": "Kerb"})
+        assert answer.status_code == 201, answer.text
+        made = answer.json()
+        assert (made["title"], made["tags"], made["markers"]) == ("Kerb", ["yard"], 1)
+        assert made["notes"].startswith("00:00.")
+        assert "of A drive.\n20251009T085320Z-MTi-630.mcap, " in made["notes"]
+        assert made["notes"].endswith("\n\nThree laps.")
+        assert made["file"] == "20251009T085321Z-MTi-630.mcap"
+        assert made["duration"] == pytest.approx(1.5, abs=0.05)
+        assert {one["id"] for one in running.client.get("/api/recordings").json()} == {path.stem, made["id"]}
+        assert_problem(running.client.post(f"{url}/keep", json={"t0": t0 + 90, "t1": t0 + 91}), 422, "cannot-open")
+        assert_problem(running.client.post(f"{url}/keep", json={"t0": t0, "t1": t0 - 1}), 422, "bad-span")
+        assert_problem(running.client.post("/api/recordings/none/keep", json={"t0": t0, "t1": t0 + 1}), 404)
+        assert not list((tmp_path / "recordings" / ".incoming").iterdir())
 
 
 def test_results_leave_space_for_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,8 @@ import { apply, axesOf, type Camera, project } from "./projection";
 
 /** The viewer stands south-west and above, looking north-east: north goes away to the left, east to the right. */
 const CAMERA: Camera = { azimuth: 0.62, elevation: 0.46 };
+/** Height of the words over the body, px. */
+const CAPTION_PX = 26;
 /** Half length, half width and half height of the box, along x, y and z. */
 const BOX: Vector3 = [0.5, 0.36, 0.17];
 const ARROWS: readonly { readonly letter: "x" | "y" | "z"; readonly tip: Vector3 }[] = [
@@ -28,10 +30,10 @@ const EXTENT = 1.2;
 export function drawBody(to: Surface, enu: Matrix3 | undefined, frame: WorldFrame, letters: string = frame): void {
   if (!to.begin()) return;
   const x = to.context;
-  const scale = Math.min(to.width(), to.height()) * 0.34;
+  const scale = Math.min(to.width(), to.height() - CAPTION_PX) * 0.38;
   const at = (p: Vector3): Vector3 => {
     const [right, up, away] = project(CAMERA, p);
-    return [to.width() / 2 + right * scale, to.height() / 2 + 16 - up * scale, away];
+    return [to.width() / 2 + right * scale, (to.height() + CAPTION_PX) / 2 - up * scale, away];
   };
   x.lineCap = "round";
   drawFloor(x, at, frame, letters);

@@ -251,7 +251,8 @@ function Said({ words }: { readonly words: string }) {
 export function SavedBand({ app }: { readonly app: App }) {
   const { saved } = recordOf(app);
   const one = saved.value;
-  const isListed = route.value.page === "recordings"; // the list has it, with its length and size
+  const { page, recording } = route.value;
+  const isListed = page === "recordings" && recording === undefined; // the list has it, with its length and size
   useEffect(() => {
     if (one === undefined) return undefined;
     if (isListed) saved.value = undefined;

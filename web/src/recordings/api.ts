@@ -6,6 +6,7 @@ import type {
   EditRequest,
   ExportJobRequest,
   ExportSelection,
+  KeepRequest,
   MarkerRequest,
   OpeningState,
   PlayRequest,
@@ -56,6 +57,9 @@ export const recordingsApi = {
   /** Measured on samples, which takes about a second. */
   exportSizes: (recording: string, body: ExportSelection) =>
     request("POST /api/recordings/{recording}/export-sizes", { path: { recording }, body }),
+  /** A range as a recording of its own. */
+  keep: (recording: string, body: Partial<KeepRequest> & Pick<KeepRequest, "t0" | "t1">) =>
+    request("POST /api/recordings/{recording}/keep", { path: { recording }, body }),
   exports: () => request("GET /api/recordings/exports"),
   cancelExport: (job: number) => request("DELETE /api/recordings/exports/{job}", { path: { job } }),
   play: (recording: string, body: PlayRequest) =>

@@ -141,6 +141,13 @@ export const TEXT = {
   copyLinkToView: "Copy a link to this view: recording, range, cursor, plots (C)",
   playLiveHint: "Play as a live device that all users see, at the pace at which the bytes arrived",
   asDevice: "As device",
+  keepRange: "Keep this range",
+  keepBetweenCursors: "Keep A to B",
+  keepRangeHint: "Make a recording of the range in view, or between the cursors A and B, with its bytes",
+  rangeOf: (title: Value, from: Value, to: Value) => `${title}, ${from} to ${to}`,
+
+  // head on a phone
+  deviceOfRecording: "Device on screen",
 
   // thumbnail
   lostInPlaces: (losses: number) => `, samples lost in ${count(losses, "place")}`,

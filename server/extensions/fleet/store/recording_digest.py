@@ -15,7 +15,7 @@ import numpy as np
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.exporters import ExportRequest, export
 from imuscope.recordings.importers.open_file import CaptureSource
-from imuscope.recordings.library.download import wrap_capture
+from imuscope.recordings.importers.wrapped_capture import wrap_capture
 from imuscope.recordings.mcap.chunked import HEAD
 from imuscope.recordings.mcap.reader import DATA, LENGTH, McapReader
 from imuscope.recordings.mcap.source import McapSource

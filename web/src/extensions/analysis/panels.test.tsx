@@ -73,7 +73,7 @@ it("an earlier workspace, with spectrum and Allan deviation in one panel, opens 
   );
   expect(problems).toEqual([]);
   await waitFor(() => expect(panels().slice(0, 3)).toEqual(["plots", "analysis", "xy"]));
-  expect(document.querySelector<HTMLElement>('[data-panel="analysis"]')?.style.height).toBe("500px");
+  expect(document.querySelector<HTMLElement>('[data-tile="analysis"]')?.style.height).toBe("500px");
   fireEvent.click(await screen.findByRole("button", { name: "Allan deviation" }, { timeout: 20_000 }));
   expect(await screen.findByLabelText("Motion")).toBeTruthy();
 });

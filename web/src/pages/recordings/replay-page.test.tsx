@@ -300,3 +300,29 @@ test("a recording that cannot be opened shows the reason and a link back", async
   await waitFor(() => expect(text("main")).toContain("Nothing was recorded of /api/recordings/nowhere"));
   expect(screen.getByRole("link", { name: /library/i }).getAttribute("href")).toBe("#/recordings");
 });
+
+test("the range between the cursors, else the one in view, becomes a recording that can be opened", async () => {
+  const kept = { ...YARD.info, id: "kerb", title: "Kerb" };
+  const { replay, asked } = await open("", { "POST /api/recordings/yard/keep": kept });
+  const { view, cursor, measure } = replay.viewState;
+  view.value = { ...view.peek(), end: YARD.t0 + 4, span: 3 };
+  fireEvent.click(screen.getByRole("button", { name: "Keep this range" }));
+  await waitFor(() => expect(screen.getByRole("link", { name: "Open" }).getAttribute("href")).toContain("kerb"));
+  cursor.value = { kind: "pinned", time: YARD.t0 + 3 };
+  measure.value = YARD.t0 + 2;
+  fireEvent.click(await screen.findByRole("button", { name: "Keep A to B" }));
+  await waitFor(() => expect(asked.filter(({ path }) => path.endsWith("/keep")).length).toBe(2));
+  const bodies = asked.filter(({ path }) => path.endsWith("/keep")).map(({ body }) => body);
+  expect(bodies[0]).toMatchObject({ t0: YARD.t0 + 1, t1: YARD.t0 + 4, title: "Yard loop, 00:01 to 00:04" });
+  expect(bodies[1]).toMatchObject({ t0: YARD.t0 + 2, t1: YARD.t0 + 3, base: "device" });
+});
+
+test("a phone has the name of the recording, and the choice of device beside it", async () => {
+  const { replay } = await open();
+  const head = find(".replay-head");
+  expect(head.textContent).toContain("Yard loop");
+  const choice = within(head).getByRole("combobox", { name: "Device on screen" });
+  const other = YARD.devices.find(({ id }) => id !== replay.viewState.device.peek());
+  fireEvent.change(choice, { target: { value: other?.id } });
+  expect(replay.viewState.device.value).toBe(other?.id);
+});

@@ -3,14 +3,18 @@ import { useEffect } from "preact/hooks";
 import { onFrame } from "../../data/render-loop";
 import { fromExtensions, Slot } from "../../extension/extension";
 import { placesOf } from "../../plots/markers";
-import { mountStack } from "../../plots/plot-stack";
+import { mountStack, type StackDeps } from "../../plots/plot-stack";
 import type { UnderPlots } from "../../plots/under-plots";
+import { PLOTS_TILE } from "../../data/plot-order";
 import { readPlace } from "../../page/permalink";
 import { bytes, dateWords, length, recordingTitle } from "../../recordings/library-filter";
-import type { Deps, App } from "../../page/context";
+import type { App } from "../../page/context";
+import { distinctName } from "../../wire/device-name";
+import type { DeviceInfo } from "../../wire/types";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { Band } from "../../ui/controls/band";
 import type { Panel } from "../../ui/dom/dom";
+import { Select } from "../../ui/controls/choices";
 import { IconButton } from "../../ui/controls/icon-button";
 import { Icon } from "../../ui/controls/icons";
 import { Message } from "../../ui/controls/message";
@@ -78,6 +82,7 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
       <About recording={recording} />
       <main class="centre">
         <h1 class="visually-hidden">{recordingTitle(info)}</h1>
+        <PhoneHead recording={recording} />
         <ProblemBand app={app} />
         <Trouble replay={replay} />
         <RecordingViews app={app}>
@@ -113,7 +118,7 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
     <MainColumn
       app={app}
       deps={deps}
-      mountPlots={(host) => mountPlots(host, replay, deps)}
+      mountPlots={(host, tile) => mountPlots(host, replay, { open: deps.open, ...tile })}
       under={
         <>
           <Slot name="underPlots" with={underPlots(replay)} />
@@ -139,21 +144,21 @@ function underPlots(replay: ReplayController): UnderPlots {
   };
 }
 
-function mountPlots(host: HTMLElement, replay: ReplayController, deps: Pick<Deps, "open">): Panel {
+function mountPlots(host: HTMLElement, replay: ReplayController, deps: Partial<StackDeps>): Panel {
   const stack = mountStack(host, {
     store: replay.drawn,
     viewState: replay.viewState,
     reads: (channel, t) => replay.reads(channel, t),
     bounds: () => replay.bounds,
     markers: () => replay.markers.peek(),
-    open: deps.open,
+    ...deps,
   });
   const resized = new ResizeObserver(() => {
     const style = getComputedStyle(host);
     const of = (name: string): number => parseFloat(style.getPropertyValue(name)) || 0;
     replay.pixels = Math.max(200, host.clientWidth - of("--gutter-w") - of("--tail-w"));
   });
-  resized.observe(host);
+  if (deps.tile === PLOTS_TILE) resized.observe(host);
   return {
     update: (now) => stack.update(now),
     dispose() {
@@ -207,6 +212,31 @@ function Trouble({ replay }: { readonly replay: ReplayController }) {
         <Band tone="warning" dot="warn" title={TEXT.damagedFilter} words={<Message text={damaged} />} />
       )}
     </>
+  );
+}
+
+/** On a phone, where the rail is a sheet: the recording, and the device whose samples are on screen. */
+function PhoneHead({ recording: { replay } }: { readonly recording: OpenRecording }) {
+  const { info, devices } = replay.detail;
+  const chosen = replay.viewState.device.value ?? "";
+  const named = (device: DeviceInfo): string => distinctName(device, devices);
+  return (
+    <div class="phone replay-head">
+      <a class="btn icon" href={href("recordings")} aria-label={TEXT.backToTheLibrary}>
+        <Icon name="left" />
+      </a>
+      <b>{recordingTitle(info)}</b>
+      {devices.length > 1 ? (
+        <Select
+          label={TEXT.deviceOfRecording}
+          value={chosen}
+          options={devices.map((device) => [device.id, named(device)])}
+          onChoose={(id) => replay.choose(id)}
+        />
+      ) : (
+        <span class="mid">{devices[0] && named(devices[0])}</span>
+      )}
+    </div>
   );
 }
 

@@ -1,14 +1,18 @@
 /** Sharing a recording: a link to the view, an export, the whole file, or a device that plays it. */
+import { useSignal } from "@preact/signals";
+import { hasCursors } from "../../data/view-state";
+import { length, recordingTitle } from "../../recordings/library-filter";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { Slot } from "../../extension/extension";
 import { recordingsApi } from "../../recordings/api";
-import type { PlayRequest } from "../../wire/recording-types";
+import type { KeepRequest, PlayRequest } from "../../wire/recording-types";
 import { Button } from "../../ui/controls/button";
 import { copyText } from "../../ui/dom/copy";
 import { Icon } from "../../ui/controls/icons";
 import { run, select } from "../../page/app-state";
 import type { App } from "../../page/context";
 import { go } from "../../page/route";
+import { showSaved } from "../record-button";
 import { type OpenRecording, recordingHref } from "./open-recording";
 import { exportingOf, type ExportRange } from "../../recordings/exporting";
 import { COMMON } from "../../texts/common";
@@ -47,11 +51,33 @@ function rangesOf(replay: ReplayController): readonly ExportRange[] {
   return [...(loop ? [{ name: TEXT.loopRange, t0: loop[0], t1: loop[1] }] : []), ...(seen.t1 > seen.t0 ? [seen] : [])];
 }
 
+/** What *Keep this range* keeps: between the cursors, else in view. */
+function keptRange(replay: ReplayController): Pick<KeepRequest, "t0" | "t1" | "base"> {
+  const { cursor, measure, view, actions } = replay.viewState;
+  const { end, span, timeBase: base } = view.peek();
+  const [a, b] = [cursor.peek()?.kind === "pinned" ? actions.cursorTime() : undefined, measure.peek()];
+  const range =
+    a !== undefined && b !== undefined ? { t0: Math.min(a, b), t1: Math.max(a, b) } : { t0: end - span, t1: end };
+  return { ...range, base };
+}
+
+/** Makes a recording of the range, and offers to open it. */
+export async function keepRange({ replay, app }: OpenRecording): Promise<void> {
+  const { info } = replay.detail;
+  const { first, last } = replay.bounds;
+  const range = keptRange(replay);
+  const [t0, t1] = [Math.max(first, range.t0), Math.min(last, range.t1)];
+  const title = TEXT.rangeOf(recordingTitle(info), length(t0 - first), length(t1 - first));
+  const kept = await run(app, recordingsApi.keep(info.id, { ...range, t0, t1, title }));
+  if (kept) showSaved(app, { id: kept.id, title: recordingTitle(kept) });
+}
+
 /** The actions, beside the recording's name. */
 export function HandOn({ recording }: { readonly recording: OpenRecording }) {
   const { replay, app } = recording;
   const { detail } = replay;
   const { info } = detail;
+  const keeping = useSignal(false);
   const play = (): void => {
     const loop = replay.looping.peek() ? replay.loop.peek() : undefined;
     const [t0, t1] = [loop?.[0] ?? null, loop?.[1] ?? null];
@@ -80,6 +106,18 @@ export function HandOn({ recording }: { readonly recording: OpenRecording }) {
             base: replay.viewState.view.peek().timeBase,
           })
         }
+      />
+      <Button
+        changes
+        look="edge"
+        icon="library"
+        words={hasCursors(replay.viewState) ? TEXT.keepBetweenCursors : TEXT.keepRange}
+        title={TEXT.keepRangeHint}
+        disabled={keeping.value}
+        onClick={() => {
+          keeping.value = true;
+          void keepRange(recording).finally(() => (keeping.value = false));
+        }}
       />
       <Slot name="recordingActions" with={{ recording }} />
       <a class="btn edge" href={recordingsApi.downloadUrl(info.id)} download="" title={TEXT.downloadHint}>
