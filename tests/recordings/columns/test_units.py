@@ -53,8 +53,18 @@ def test_what_arrived_is_in_the_recording_and_its_exports_bit_by_bit(tmp_path: P
         np.testing.assert_array_equal(frame.to_numpy(), wire)
         [parquet] = recording.export(tmp_path / "rates.parquet", signals="RateOfTurn", units="device")
         [text] = recording.export(tmp_path / "rates.csv", signals="RateOfTurn", units="SI")
-        with pytest.raises(imuscope.ImuscopeError, match="MCAP, decoded files have units of their own"):
-            recording.export(tmp_path / "rates.mcap", units="SI")
+        with pytest.raises(imuscope.ImuscopeError, match="files have units of their own"):
+            recording.export(tmp_path / "rates.euroc", units="SI")
+        [decoded] = recording.export(tmp_path / "rates.mcap", units="device")
+        [angles] = recording.export(tmp_path / "angles.mcap", units="SI")
+        roll = recording["EulerAngles"].values_in("rad")
+    with imuscope.open(angles) as again:
+        names = [one.message for one in again.signals]
+        np.testing.assert_array_equal(again.signals[names.index("/MTi-630/Euler_angles")].values, roll)
+        rotation = again["rotation"].values
+    with imuscope.open(decoded) as again:
+        np.testing.assert_array_equal(again["rotation"].values, rotation)
+        np.testing.assert_array_equal(again["Rate of turn"].in_units("device").values.astype(np.float32), wire)
     table = pq.read_table(parquet)
     for at, axis in enumerate("xyz"):
         np.testing.assert_array_equal(table[f"RateOfTurn.{axis}"].to_numpy(), wire[:, at])
