@@ -116,7 +116,7 @@ ARROWS: Mapping[str, str] = {
         charts <- data ui/controls
         requests <- ui/controls
         signals <- data
-        forms <- requests
+        forms <- data requests
         measure <- data
         page <- extension signals forms measure
         panels <- page

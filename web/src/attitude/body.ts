@@ -26,8 +26,8 @@ const FACES = [
 const FLOOR = -0.62;
 const EXTENT = 1.2;
 
-/** Draws a body turned by `enu` (world from body, ENU); the floor is labelled with the axes of `frame`. */
-export function drawBody(to: Surface, enu: Matrix3 | undefined, frame: WorldFrame): void {
+/** Draws a body turned by `enu` (world from body, ENU); the floor is labelled with the axes of `frame`, or with `letters` for them. */
+export function drawBody(to: Surface, enu: Matrix3 | undefined, frame: WorldFrame, letters: string = frame): void {
   if (!to.begin()) return;
   const x = to.context;
   const scale = Math.min(to.width(), to.height() - CAPTION_PX) * 0.38;
@@ -36,7 +36,7 @@ export function drawBody(to: Surface, enu: Matrix3 | undefined, frame: WorldFram
     return [to.width() / 2 + right * scale, (to.height() + CAPTION_PX) / 2 - up * scale, away];
   };
   x.lineCap = "round";
-  drawFloor(x, at, frame);
+  drawFloor(x, at, frame, letters);
   if (!enu) return;
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k): Vector3 => {
     const [l, w, h] = BOX;
@@ -60,7 +60,7 @@ function line(x: CanvasRenderingContext2D, at: Place, from: Vector3, to: Vector3
   x.stroke();
 }
 
-function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: WorldFrame): void {
+function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: WorldFrame, letters: string): void {
   x.strokeStyle = css("--grid-zero");
   x.lineWidth = 1;
   for (let k = -3; k <= 3; k++) {
@@ -70,7 +70,7 @@ function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: WorldFrame): v
   font(x, 10.5, 500);
   x.textAlign = "center";
   x.textBaseline = "middle";
-  for (const { letter, to } of axesOf(frame)) {
+  for (const { letter, to } of axesOf(frame, letters)) {
     x.fillStyle = css("--ink-3");
     const vertical = to[2] !== 0;
     // Up or down stands at the floor's left corner, clear of the body; the others at the floor's edge.
