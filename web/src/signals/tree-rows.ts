@@ -3,6 +3,7 @@ import type { Channel } from "../data/channels";
 import { fullName, shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
 import { plottable } from "./custom-plots";
+import { axisWords, searchWords, wordsOf } from "./quantities";
 
 export interface TreeRow {
   /** Constant for the same device, channel or column. */
@@ -17,10 +18,11 @@ export interface TreeRow {
   readonly open?: boolean;
 }
 
-/** Whether every word occurs in one of the texts, in lower case. */
+/** Whether every word occurs in one of the texts, in lower case; a letter or an index only as a word of its own. */
 function matches(words: readonly string[], texts: readonly string[]): boolean {
   const all = texts.join(" ").toLowerCase();
-  return words.every((word) => all.includes(word));
+  const single = new Set(all.split(/[\s,]+/));
+  return words.every((word) => (word.length === 1 || word.startsWith("[") ? single.has(word) : all.includes(word)));
 }
 
 /**
@@ -34,7 +36,7 @@ export function treeRows(
   open: ReadonlySet<string>,
   search: string,
 ): readonly TreeRow[] {
-  const words = search.toLowerCase().split(/\s+/).filter(Boolean);
+  const words = searchWords(search);
   return devices.flatMap((device) => {
     const own = channels.filter((channel) => channel.info.device === device.id && plottable(channel).length > 0);
     const below = own.flatMap((channel) => channelRows(device, channel, open, words));
@@ -55,10 +57,12 @@ function channelRows(
   const { info } = channel;
   const key = `${device.id}/${info.name}`;
   const columns = plottable(channel);
-  const about = [fullName(device), info.title, info.name, info.group, info.unit, info.frame];
+  const about = [fullName(device), info.title, info.name, info.group, info.unit, info.frame, wordsOf(info)];
   const found = columns.flatMap((c) => {
     const column = info.columns[c];
-    return column && matches(words, [...about, column.name, column.label, column.unit]) ? [{ c, ...column }] : [];
+    return column && matches(words, [...about, column.name, column.label, column.unit, axisWords(info, column.name, c)])
+      ? [{ c, ...column }]
+      : [];
   });
   if (found.length === 0) return [];
   const name = info.title || info.name;

@@ -54,10 +54,32 @@ test("keys unfold a channel, choose a column and plot it; the pressed plot takes
   expect(document.activeElement).toBe(within(targets).getByRole("button", { name: "New plot" }));
   fireEvent.click(document.activeElement as Element);
   await waitFor(() => expect(signals(opened)).toEqual([["x"]]));
-  expect(await screen.findByText("Acceleration x is on a new plot.")).toBeTruthy();
+  expect(await screen.findByText("On a new plot: Acceleration x.")).toBeTruthy();
   const plots = await within(targets).findAllByRole("button", { name: "Acceleration", pressed: true });
   fireEvent.click(plots.at(-1) as Element);
   await waitFor(() => expect(signals(opened)).toEqual([]));
+});
+
+test("several signals go onto a plot together: chosen by Ctrl, Shift or Space, or as a search has found them", async () => {
+  const opened = await openTree();
+  fireEvent.click(within(rowNamed("1/Acceleration")).getByRole("button", { name: "Unfold Acceleration" }));
+  await waitFor(() => expect(names()).toContain("1/Acceleration/x"));
+  fireEvent.click(rowNamed("1/Acceleration/x"));
+  fireEvent.click(rowNamed("1/Acceleration/z"), { ctrlKey: true });
+  fireEvent.click(await screen.findByRole("button", { name: "New plot" }));
+  await waitFor(() => expect(signals(opened)).toEqual([["x", "z"]]));
+  expect(screen.getByText("On a new plot: 2 signals.")).toBeTruthy();
+  fireEvent.click(rowNamed("1/Acceleration/x"));
+  rowNamed("1/Acceleration/x").focus();
+  fireEvent.keyDown(rowNamed("1/Acceleration/x"), { key: "ArrowDown", shiftKey: true });
+  await waitFor(() => expect(rows().filter((row) => row.getAttribute("aria-selected") === "true")).toHaveLength(2));
+  fireEvent.keyDown(rowNamed("1/Acceleration/y"), { key: " " });
+  await waitFor(() => expect(rows().filter((row) => row.getAttribute("aria-selected") === "true")).toHaveLength(1));
+  const search = screen.getByRole("searchbox");
+  fireEvent.input(search, { target: { value: "pqr[2]" } });
+  await waitFor(() => expect(names().at(-1)).toBe("1/RateOfTurn/z"));
+  fireEvent.keyDown(search, { key: "Enter" });
+  await waitFor(() => expect(signals(opened)).toEqual([["x", "z"], ["z"]]));
 });
 
 test("a second unit gets the right axis of a plot, and a third one is refused with a sentence", async () => {

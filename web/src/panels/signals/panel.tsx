@@ -2,6 +2,7 @@
  * The tree of all signals, beside the plots: from here a signal goes onto any plot, by dragging it there, by a button, or by keys.
  *
  *     ↑ ↓ Home End   move      → ←   unfold, fold      Enter   go to the plots for the signal      Esc   close
+ *     Space, Ctrl+click   choose several      Shift+↑ ↓, Shift+click   choose a range      Ctrl+A   choose all
  */
 import { type Signal, untracked, useComputed, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
@@ -28,7 +29,7 @@ import {
   withCustomPlots,
 } from "../../signals/custom-plots";
 import { listenForDrops } from "../../signals/drag";
-import { SignalRow } from "./row";
+import { type Choosing, SignalRow } from "./row";
 import { parentOf, type TreeRow, treeRows } from "../../signals/tree-rows";
 import "./signals.css";
 
@@ -48,6 +49,9 @@ declare module "../../extension/extension" {
   }
 }
 
+/** Signals that a search may put on a plot together. */
+const MAX_TOGETHER = 12;
+
 interface Props {
   readonly deps: Deps;
   /** Counts half seconds: values follow it. */
@@ -64,6 +68,7 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
   const search = useSignal("");
   const open = useSignal<ReadonlySet<string>>(new Set([view.peek().device ?? ""]));
   const current = useSignal("");
+  const several = useSignal<ReadonlySet<string>>(new Set());
   const said = useSignal("");
   const onSaid = (text: string): void => void (said.value = text);
   const rows = useComputed(() => treeRows(store.devices.value, store.channels.value, open.value, search.value));
@@ -74,26 +79,46 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
     const shown = all.filter(({ primary, key }) => primary !== extraPlots.value.has(key));
     return withCustomPlots(shown, customPlots.value, store.channels.value, device);
   });
-  const chosen = useComputed(() => rows.value.find(({ key }) => key === current.value));
+  const chosen = useComputed(() => {
+    const all = rows.value.filter(({ key, columns }) => several.value.has(key) && columns.length > 0);
+    return all.length > 0 ? all : rows.value.filter(({ key }) => key === current.value);
+  });
+  /** What a search has found, if it fits a plot. */
+  const found = useComputed(() => {
+    const all = search.value.trim() === "" ? [] : finest(rows.value);
+    return all.length <= MAX_TOGETHER ? all : [];
+  });
+  const choose = (key: string, how: Choosing): void => {
+    if (how === "range") {
+      const keys = rows.peek().map((row) => row.key);
+      const ends = [keys.indexOf(current.peek()), keys.indexOf(key)].sort((a, b) => a - b);
+      several.value = new Set([...several.peek(), ...keys.slice(ends[0], (ends[1] ?? 0) + 1)]);
+    } else if (how === "one") several.value = new Set();
+    else {
+      const others = several.peek().size > 0 || current.peek() === key ? several.peek() : new Set([current.peek()]);
+      several.value = toggled(others, key);
+    }
+    current.value = key;
+  };
 
-  const put = (row: TreeRow, plot: PlotSpec | undefined): void => {
-    const outcome = putOn(customPlots.peek(), row, plot, view.peek().device ?? "");
+  const put = (put: readonly TreeRow[], plot: PlotSpec | undefined): void => {
+    const outcome = putOn(customPlots.peek(), put, plot, view.peek().device ?? "");
     said.value = outcome.said;
     if (outcome.plots) customPlots.value = outcome.plots;
     if (plot === undefined && outcome.plots) showLast(root.current);
   };
-  const takeOff = (row: TreeRow, plot: PlotSpec): void => {
+  const takeOff = (taken: readonly TreeRow[], plot: PlotSpec): void => {
     const target = targetOf(plot, view.peek().device ?? "");
-    customPlots.value = removed(customPlots.peek(), target, refsOf(row));
-    said.value = TEXT.removedFrom(nameOf(row), plot.title);
+    customPlots.value = removed(customPlots.peek(), target, refsOf(taken));
+    said.value = TEXT.removedFrom(nameOf(taken), plot.title);
   };
 
   const drop = useRef<(key: string, plot: string | undefined) => void>(() => undefined);
   drop.current = (key, plotKey) => {
-    const row = rows.peek().find((one) => one.key === key);
-    if (row)
+    const dropped = several.peek().has(key) ? chosen.peek() : rows.peek().filter((one) => one.key === key);
+    if (dropped.length > 0)
       put(
-        row,
+        dropped,
         plots.peek().find((one) => one.key === plotKey),
       );
   };
@@ -133,42 +158,58 @@ export function SignalsPanel({ deps, tick, isLive, onClose }: Props) {
         value={search.value}
         onText={(text) => (search.value = text)}
         onKeyDown={(event) => {
-          if (event.key !== "ArrowDown") return;
+          if (event.key === "ArrowDown") focusRow(root.current, 0);
+          else if (event.key === "Enter" && found.value.length > 0) put(found.value, undefined);
+          else return;
           event.preventDefault();
-          focusRow(root.current, 0);
         }}
       />
       <Tree
         rows={rows.value}
         current={current}
         open={open}
+        onChoose={choose}
+        onAll={() => (several.value = new Set(finest(rows.peek()).map(({ key }) => key)))}
         onEnter={() => root.current?.querySelector<HTMLElement>(".signal-targets button")?.focus()}
         row={(row, isTabStop, onKey) => (
           <SignalRow
             key={row.key}
             row={row}
             at={at}
-            isCurrent={row.key === current.value}
+            isCurrent={several.value.size > 0 ? several.value.has(row.key) : row.key === current.value}
             isTabStop={isTabStop}
             onFold={() => (open.value = toggled(open.peek(), row.key))}
-            onChoose={() => (current.value = row.key)}
-            onPlot={() => put(row, undefined)}
+            onChoose={(how) => (how ? choose(row.key, how) : (current.value = row.key))}
+            onPlot={() => put([row], undefined)}
             onKey={onKey}
           />
         )}
       />
+      {found.value.length > 0 && (
+        <p class="signal-targets flex-row mid text-sm">
+          <Button
+            look="edge"
+            icon="plus"
+            words={TEXT.plotFound(nameOf(found.value))}
+            title={TEXT.plotFoundHint}
+            onClick={() => put(found.value, undefined)}
+          />
+        </p>
+      )}
       {rows.value.length === 0 && (
         <p class="signal-none">{search.value === "" ? TEXT.noSignals : TEXT.nothingFound(search.value)}</p>
       )}
       <Targets
-        row={chosen.value}
+        rows={chosen.value}
         plots={plots.value}
         custom={customPlots.value}
         device={viewState.device.value ?? ""}
         onPut={put}
         onTakeOff={takeOff}
       >
-        {chosen.value && <Slot name="signalActions" with={{ deps, row: chosen.value, isLive, onSaid }} />}
+        {chosen.value.length === 1 && chosen.value[0] && (
+          <Slot name="signalActions" with={{ deps, row: chosen.value[0], isLive, onSaid }} />
+        )}
       </Targets>
       <p class="signal-said" role="status">
         {said.value}
@@ -182,10 +223,12 @@ interface TreeProps {
   readonly current: Signal<string>;
   readonly open: Signal<ReadonlySet<string>>;
   readonly onEnter: () => void;
+  readonly onChoose: (key: string, how: Choosing) => void;
+  readonly onAll: () => void;
   readonly row: (row: TreeRow, isTabStop: boolean, onKey: (event: KeyboardEvent) => void) => preact.ComponentChildren;
 }
 
-function Tree({ rows, current, open, onEnter, row }: TreeProps) {
+function Tree({ rows, current, open, onEnter, onChoose, onAll, row }: TreeProps) {
   const ref = useRef<HTMLDivElement>(null);
   const tabStop = Math.max(
     0,
@@ -198,12 +241,23 @@ function Tree({ rows, current, open, onEnter, row }: TreeProps) {
     focusRow(ref.current, rows.indexOf(next));
   };
   const onKey = (event: KeyboardEvent): void => {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.altKey) return;
+    if (event.ctrlKey || event.metaKey) {
+      if (event.key.toLowerCase() !== "a") return;
+      event.preventDefault();
+      return onAll();
+    }
     const key = (event.currentTarget as Element).getAttribute("data-row");
     const at = rows.findIndex((row) => row.key === key);
     const here = rows[at];
     if (!here) return;
+    const extend = (to: number): void => {
+      const next = rows[Math.min(rows.length - 1, Math.max(0, to))];
+      if (next) onChoose(next.key, "range");
+      go(to);
+    };
     const moves: Readonly<Record<string, () => void>> = {
+      " ": () => onChoose(here.key, "another"),
       ArrowDown: () => go(at + 1),
       ArrowUp: () => go(at - 1),
       Home: () => go(0),
@@ -214,49 +268,51 @@ function Tree({ rows, current, open, onEnter, row }: TreeProps) {
           ? (open.value = toggled(open.peek(), here.key))
           : go(parentOf(rows, at)),
       Enter: () => (here.columns.length > 0 ? onEnter() : (open.value = toggled(open.peek(), here.key))),
+      ...(event.shiftKey ? { ArrowDown: () => extend(at + 1), ArrowUp: () => extend(at - 1) } : {}),
     };
     const move = moves[event.key];
-    if (!move || (event.key === "Enter" && event.target instanceof HTMLButtonElement)) return;
+    if (!move || ("Enter ".includes(event.key) && event.target instanceof HTMLButtonElement)) return;
     event.preventDefault();
     event.stopPropagation();
     move();
   };
   return (
-    <div class="signal-tree" ref={ref} role="tree" aria-label={TEXT.treeLabel}>
+    <div class="signal-tree" ref={ref} role="tree" aria-multiselectable aria-label={TEXT.treeLabel}>
       {rows.map((one, k) => row(one, k === tabStop, onKey))}
     </div>
   );
 }
 
 interface TargetsProps {
-  readonly row: TreeRow | undefined;
+  readonly rows: readonly TreeRow[];
   readonly plots: readonly PlotSpec[];
   readonly custom: readonly CustomPlot[];
   readonly device: string;
-  readonly onPut: (row: TreeRow, plot: PlotSpec | undefined) => void;
-  readonly onTakeOff: (row: TreeRow, plot: PlotSpec) => void;
+  readonly onPut: (rows: readonly TreeRow[], plot: PlotSpec | undefined) => void;
+  readonly onTakeOff: (rows: readonly TreeRow[], plot: PlotSpec) => void;
   /** Further actions. */
   readonly children: preact.ComponentChildren;
 }
 
-/** The plots for the chosen signal: a pressed one has it. */
-function Targets({ row, plots, custom, device, onPut, onTakeOff, children }: TargetsProps) {
-  if (!row || row.columns.length === 0) return <p class="signal-targets flex-row mid text-sm">{TEXT.nothingChosen}</p>;
-  const refs = refsOf(row);
+/** The plots for the chosen signals: a pressed one has them. */
+function Targets({ rows, plots, custom, device, onPut, onTakeOff, children }: TargetsProps) {
+  if (!rows.some(({ columns }) => columns.length > 0))
+    return <p class="signal-targets flex-row mid text-sm">{TEXT.nothingChosen}</p>;
+  const refs = refsOf(rows);
   return (
-    <div class="signal-targets flex-row mid text-sm" role="group" aria-label={TEXT.choose(nameOf(row))}>
-      <span>{TEXT.choose(nameOf(row))}</span>
-      <Button look="edge" icon="plus" words={TEXT.newPlot} onClick={() => onPut(row, undefined)} />
+    <div class="signal-targets flex-row mid text-sm" role="group" aria-label={TEXT.choose(nameOf(rows))}>
+      <span>{TEXT.choose(nameOf(rows))}</span>
+      <Button look="edge" icon="plus" words={TEXT.newPlot} onClick={() => onPut(rows, undefined)} />
       {plots.map((plot) => {
         const held = heldOf(custom, targetOf(plot, device), refs).length === refs.length;
-        const fits = misfit(unitsOf(row), plot) === undefined;
+        const fits = misfit(unitsOf(rows), plot) === undefined;
         return (
           <Button
             key={plot.key}
             look="edge"
             aria-pressed={held}
             aria-disabled={!fits}
-            onClick={() => (held ? onTakeOff(row, plot) : onPut(row, plot))}
+            onClick={() => (held ? onTakeOff(rows, plot) : onPut(rows, plot))}
           >
             <span class="ellipsis">{plot.title}</span>
           </Button>
@@ -274,34 +330,46 @@ const toggled = (open: ReadonlySet<string>, key: string): ReadonlySet<string> =>
 };
 
 /** A whole channel is plotted without its norm, which would squeeze the axes. */
-function refsOf({ channel, columns }: TreeRow) {
-  if (!channel) return [];
-  const plain = columns.filter((c) => columns.length === 1 || channel.info.columns[c]?.name !== "norm");
-  return plain.map((c) => signalRef(channel, c));
+function refsOf(rows: readonly TreeRow[]) {
+  return rows.flatMap(({ channel, columns }) => {
+    if (!channel) return [];
+    const plain = columns.filter((c) => columns.length === 1 || channel.info.columns[c]?.name !== "norm");
+    return plain.map((c) => signalRef(channel, c));
+  });
 }
 
-function unitsOf({ channel, columns }: TreeRow): readonly string[] {
-  return channel ? [...new Set(columns.map((column) => unitOf({ channel, column })))] : [];
+function unitsOf(rows: readonly TreeRow[]): readonly string[] {
+  const all = rows.flatMap(({ channel, columns }) =>
+    channel ? columns.map((column) => unitOf({ channel, column })) : [],
+  );
+  return [...new Set(all)];
 }
 
-function nameOf({ level, name, channel }: TreeRow): string {
+function nameOf(rows: readonly TreeRow[]): string {
+  const [first] = rows;
+  if (!first || rows.length > 1) return TEXT.severalSignals(rows.length);
+  const { level, name, channel } = first;
   return level === 3 && channel ? `${channel.info.title || channel.info.name} ${name}` : name;
 }
+
+/** The signals that have nothing under them on screen. */
+const finest = (rows: readonly TreeRow[]): readonly TreeRow[] =>
+  rows.filter(({ level, columns }, k) => columns.length > 0 && (rows[k + 1]?.level ?? 0) <= level);
 
 /** What becomes of the plots, and a sentence about it. */
 export function putOn(
   custom: readonly CustomPlot[],
-  row: TreeRow,
+  rows: readonly TreeRow[],
   plot: PlotSpec | undefined,
   device: string,
 ): { readonly plots: readonly CustomPlot[] | undefined; readonly said: string } {
-  const [units, name] = [unitsOf(row), nameOf(row)];
+  const [units, name] = [unitsOf(rows), nameOf(rows)];
   if (units.length > 2) return { plots: undefined, said: TEXT.differentUnits };
   const problem = plot && misfit(units, plot);
   if (problem !== undefined) return { plots: undefined, said: problem };
   const target: Target = plot === undefined ? { kind: "new" } : targetOf(plot, device);
   const said = plot === undefined ? TEXT.addedNew(name) : TEXT.addedTo(name, plot.title);
-  return { plots: added(custom, target, refsOf(row)), said };
+  return { plots: added(custom, target, refsOf(rows)), said };
 }
 
 function focusRow(root: HTMLElement | null, at: number): void {

@@ -10,13 +10,17 @@ import { sparkPath, type TreeRow } from "../../signals/tree-rows";
 
 const SPARK = { width: 64, height: 18, intervals: 40, seconds: 10 };
 
+/** A signal alone, one more or less, or all from the last one to it. */
+export type Choosing = "one" | "another" | "range";
+
 interface Props {
   readonly row: TreeRow;
   readonly at: CursorReading;
   readonly isCurrent: boolean;
   readonly isTabStop: boolean;
   readonly onFold: () => void;
-  readonly onChoose: () => void;
+  /** Without a way it has the focus only. */
+  readonly onChoose: (how?: Choosing) => void;
   readonly onPlot: () => void;
   readonly onKey: (event: KeyboardEvent) => void;
 }
@@ -26,8 +30,8 @@ export function SignalRow({ row, at, isCurrent, isTabStop, onFold, onChoose, onP
   const isSignal = channel !== undefined && columns.length > 0;
   const about = aboutOf(row);
   const { value, unit } = valueOf(row, at);
-  const choose = (): void => {
-    onChoose();
+  const choose = ({ shiftKey, ctrlKey, metaKey }: MouseEvent): void => {
+    onChoose(shiftKey ? "range" : ctrlKey || metaKey ? "another" : "one");
     if (!isSignal) onFold();
   };
   return (
@@ -43,7 +47,8 @@ export function SignalRow({ row, at, isCurrent, isTabStop, onFold, onChoose, onP
       draggable={isSignal}
       onDragStart={(event) => beginDrag(event, key)}
       onClick={choose}
-      onFocus={onChoose}
+      onMouseDown={(event) => (event.shiftKey || event.ctrlKey || event.metaKey) && event.preventDefault()}
+      onFocus={() => onChoose()}
       onKeyDown={onKey}
     >
       <span class="signal-name flex-row">
