@@ -26,6 +26,9 @@ export function madeFor<Owner extends object, T>(make: (owner: Owner) => T): (ow
 /** State of a part of the page: one for each page. It outlives a change to another part. */
 export const perApp = <T>(make: (app: App) => T): ((app: App) => T) => madeFor(make);
 
+/** The plots on screen, if they are not those of Live. */
+export const shownPlots = perApp(() => signal<Deps | undefined>(undefined));
+
 /** Derives the page's state from the store, keeps a device selected, and feeds the minute behind the sparklines. */
 export function startApp(deps: Omit<Deps, "open" | "held" | "eventSort">): App {
   const { store, recentHealth } = deps;

@@ -132,6 +132,7 @@ const GROUPS: readonly KeyGroup[] = [
     title: COMMON.keysOfPages,
     lines: [
       { keys: ["G L", "G C", "G R"], what: COMMON.keyPages },
+      { keys: ["Ctrl+K"], what: COMMON.keyPalette },
       { keys: ["/"], what: COMMON.keySearch },
       { keys: ["?"], what: COMMON.keyboard },
       { keys: ["Esc"], what: COMMON.keyClose },

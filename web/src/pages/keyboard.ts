@@ -17,6 +17,11 @@ export function startKeyboard(app: App): () => void {
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     const type = target instanceof HTMLInputElement ? target.type : "";
     if (belongsToControl(target.tagName, type, target.isContentEditable, event)) return;
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "k") {
+      event.preventDefault();
+      app.overlay.value = "palette";
+      return;
+    }
     const page = pageAfter(event);
     if (page !== undefined) {
       event.preventDefault();

@@ -5,6 +5,7 @@ import { fromExtensions } from "../extension/extension";
 import { Icon } from "../ui/controls/icons";
 import { late } from "../ui/dom/late";
 import type { App } from "../page/context";
+import { LatePalette } from "../pages/dialogs";
 import { LivePage } from "../pages/live";
 import { href, type PageName, pagesOf, route, go } from "../page/route";
 import { TEXT } from "../texts/live";
@@ -27,6 +28,7 @@ export function Shell({ app }: { readonly app: App }) {
       {temporary && <Decks app={app} />}
       <Tabs app={app} />
       <DropVeil app={app} />
+      {app.overlay.value === "palette" && <LatePalette app={app} onClose={() => (app.overlay.value = undefined)} />}
     </>
   );
 }

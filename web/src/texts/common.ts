@@ -103,6 +103,7 @@ export const COMMON = {
   keyUndo: "Undo or redo a change of the layout, series or plots",
   keyLink: "Copy a link to this view",
   keyPages: "Live, Configure, Recordings",
+  keyPalette: "Go to anything by typing",
   keySearch: "Search (Configure)",
   keyClose: "Close, or unpin the cursor",
   status: {

@@ -6,6 +6,7 @@ import { placesOf } from "../../plots/markers";
 import { mountStack, type StackDeps } from "../../plots/plot-stack";
 import type { UnderPlots } from "../../plots/under-plots";
 import { PLOTS_TILE } from "../../data/plot-order";
+import { shownPlots } from "../../page/app-state";
 import { readPlace } from "../../page/permalink";
 import { bytes, dateWords, length, recordingTitle } from "../../recordings/library-filter";
 import type { App } from "../../page/context";
@@ -59,7 +60,9 @@ export function ReplayPage({ recording }: { readonly recording: OpenRecording })
   // biome-ignore lint/correctness/useExhaustiveDependencies: another recording has another key, and mounts another page
   useEffect(() => {
     document.title = `${recordingTitle(info)} · imuscope`;
+    shownPlots(app).value = recording.deps;
     const stops = [
+      () => void (shownPlots(app).value = undefined),
       onFrame((now) => replay.tick(now)),
       listenForKeys(recording, () => root.current),
       followAddress(app, replay),

@@ -10,6 +10,8 @@ interface Props {
   readonly onKeyDown?: (event: KeyboardEvent) => void;
   /** Its key is "/". */
   readonly hasKey?: boolean;
+  /** Ids of the list that its keys move through, and of the option that is chosen. */
+  readonly controls?: { readonly list: string; readonly option: string | undefined };
   /** Shows it where it may be folded away. */
   readonly unfold?: () => void;
   readonly class?: string;
@@ -18,7 +20,17 @@ interface Props {
 const isTyping = ({ target }: KeyboardEvent): boolean =>
   target instanceof HTMLElement && /^(INPUT|TEXTAREA|SELECT)$/.test(target.tagName);
 
-export function SearchField({ label, placeholder, value, onText, onKeyDown, hasKey, unfold, class: more }: Props) {
+export function SearchField({
+  label,
+  placeholder,
+  value,
+  onText,
+  onKeyDown,
+  hasKey,
+  controls,
+  unfold,
+  class: more,
+}: Props) {
   const field = useRef<HTMLInputElement>(null);
   // biome-ignore lint/correctness/useExhaustiveDependencies: what unfolds it stays the same
   useLayoutEffect(() => {
@@ -45,6 +57,11 @@ export function SearchField({ label, placeholder, value, onText, onKeyDown, hasK
         value={value}
         autocomplete="off"
         spellcheck={false}
+        {...(controls && {
+          "aria-controls": controls.list,
+          "aria-autocomplete": "list" as const,
+          "aria-activedescendant": controls.option,
+        })}
         onInput={(event) => onText(event.currentTarget.value)}
         onKeyDown={onKeyDown}
       />
