@@ -5,6 +5,6 @@ export const LateAddDevice = late(async () => (await import("../forms/add-device
 export const LateExportDialog = late(async () => (await import("./recordings/export-dialog")).ExportDialog);
 export const LateMemoryDialog = late(async () => (await import("./memory-dialog")).MemoryDialog);
 export const LatePacket = late(async () => (await import("./packet-dialog")).OpenPacket);
-export const LatePalette = late(async () => (await import("./palette")).Palette);
+export const LatePalette = late(async () => (await import("./palette")).CommandPalette);
 export const LateSignalsPanel = late(async () => (await import("../panels/signals/panel")).SignalsPanel);
 export const LateYAxisDialog = late(async () => (await import("../plots/y-axis-dialog")).YAxisDialog);

@@ -40,7 +40,7 @@ interface Props {
   readonly onClose: () => void;
 }
 
-export function Palette({ app, onClose }: Props) {
+export function CommandPalette({ app, onClose }: Props) {
   const query = useSignal("");
   const at = useSignal(0);
   const list = useId();

@@ -38,7 +38,7 @@ export function wordsOf({ name, title }: Pick<ChannelInfo, "name" | "title">): s
 }
 
 /** Words by which a column is found besides its own: "[2]", and "r" of a rate of turn. */
-export function axisWords(channel: Pick<ChannelInfo, "name" | "title">, column: string, at: number): string {
+export function columnWords(channel: Pick<ChannelInfo, "name" | "title">, column: string, at: number): string {
   const place = "xyz".indexOf(column);
   const own = `${channel.name} ${channel.title}`;
   const letters = place < 0 ? [] : QUANTITIES.flatMap(({ is, axes }) => (axes && is.test(own) ? [axes[place]] : []));

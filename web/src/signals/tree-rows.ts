@@ -3,7 +3,7 @@ import type { Channel } from "../data/channels";
 import { fullName, shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
 import { plottable } from "./custom-plots";
-import { axisWords, searchWords, wordsOf } from "./quantities";
+import { columnWords, searchWords, wordsOf } from "./quantities";
 
 export interface TreeRow {
   /** Constant for the same device, channel or column. */
@@ -60,7 +60,8 @@ function channelRows(
   const about = [fullName(device), info.title, info.name, info.group, info.unit, info.frame, wordsOf(info)];
   const found = columns.flatMap((c) => {
     const column = info.columns[c];
-    return column && matches(words, [...about, column.name, column.label, column.unit, axisWords(info, column.name, c)])
+    return column &&
+      matches(words, [...about, column.name, column.label, column.unit, columnWords(info, column.name, c)])
       ? [{ c, ...column }]
       : [];
   });
