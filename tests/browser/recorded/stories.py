@@ -35,6 +35,8 @@ from tests.web.record_wire import recorded
 
 PAGE = ROOT / "server" / "page"
 KEEP_S = 0.5
+#: A window of two seconds shows the samples.
+SOON_S = 1.4
 PNG = b"\x89PNG"
 _MAGIC = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # RFC 6455, 1.3
 
@@ -85,8 +87,8 @@ class Story:
 
     def __init__(self, *names: str, answers: Mapping[str, Answer] | None = None) -> None:
         scenes = [recorded(name) for name in names]
-        self.texts: list[Any] = scenes[0].get("read", scenes[0]["texts"])
         self.samples = [base64.b64decode(one) for one in scenes[0]["samples"]]
+        self.texts: list[Any] = [self._soon_after(text) for text in scenes[0].get("read", scenes[0]["texts"])]
         self.answers = dict(USUAL_STORIES)
         for scene in scenes:
             self.answers |= scene["answers"]
@@ -99,6 +101,13 @@ class Story:
         self._server.daemon_threads = True
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self.url = f"http://127.0.0.1:{self._server.server_port}"
+
+    def _soon_after(self, text: Any) -> Any:
+        """A greeting soon after the samples: settings were read in between, which took longer on a slow machine."""
+        if text["op"] != "hello" or not self.samples:
+            return text
+        [sent] = struct.unpack_from("<d", self.samples[-1], 32)
+        return {**text, "server_time": min(text["server_time"], sent + SOON_S)}
 
     def __enter__(self) -> Story:
         self._thread.start()

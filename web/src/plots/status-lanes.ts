@@ -46,6 +46,8 @@ const maskOf = ({ low, width }: BitsInfo): number => (width >= 32 ? -1 : (1 << w
 const WANTED = /solution|fix|rtk|mode|filter|verified|interference/i;
 /** Number of lanes shown initially, if more are of interest. */
 const MAX_LANES = 8;
+/** A phone, which has all of them by scrolling, is narrower, px. */
+const PHONE_PX = 721;
 /** As many while the page is lower than this, px, so that the plots have room; a player needs some of it for its transport. */
 const [LOW_PX, FEW_LANES, FEW_OF_PLAYER] = [1040, 4, 2];
 
@@ -118,7 +120,7 @@ function shortened(name: string, lanes: readonly Lane[]): string {
 
 /** The lanes shown initially: all if they are few, else those that are wrong, set or changing. */
 export function firstLanes(lanes: readonly Lane[], isLive: boolean): readonly Lane[] {
-  const most = innerHeight >= LOW_PX ? MAX_LANES : isLive ? FEW_LANES : FEW_OF_PLAYER;
+  const most = innerHeight >= LOW_PX || innerWidth < PHONE_PX ? MAX_LANES : isLive ? FEW_LANES : FEW_OF_PLAYER;
   // one that would stand alone behind a button stands in its place
   if (lanes.length <= most + 1) return lanes;
   const wrong = lanes.filter(({ rank }) => rank <= 1).length;

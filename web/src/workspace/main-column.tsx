@@ -36,7 +36,7 @@ const isNarrow = (box: Box | undefined): boolean => box !== undefined && box.wid
 /** Heights of the attitude, and of another panel that has no height of its own, px. */
 const ATTITUDE: Wish = { height: 212, least: 104 };
 const PANEL_PX = { usual: 260, high: 360, higher: 420 } as const;
-const LEAST_PX = 120;
+const LEAST_PX = 240;
 
 function wishes(layout: Layout, panels: readonly PanelDefinition[], plots: Wish) {
   return (id: string): Wish => {
