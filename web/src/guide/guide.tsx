@@ -5,7 +5,7 @@ import { Dialog } from "../ui/controls/dialog";
 import { SearchField } from "../ui/controls/search-field";
 import { TEXT } from "../texts/guide";
 import { markdown } from "./markdown";
-import { type Found, PAGES, pageOf, search } from "./pages";
+import { type GuidePlace, PAGES, pageOf, searchGuide } from "./pages";
 import "./guide.css";
 
 interface Props {
@@ -14,7 +14,7 @@ interface Props {
 
 export function Guide({ onClose }: Props) {
   const query = useSignal("");
-  const place = useSignal<Found>({ page: "first-look", heading: "", slug: "" });
+  const place = useSignal<GuidePlace>({ page: "first-look", heading: "", slug: "" });
   const text = useRef<HTMLElement>(null);
   const page = pageOf(place.value.page);
   const words = useMemo(
@@ -44,9 +44,9 @@ export function Guide({ onClose }: Props) {
     if (heading) heading.scrollIntoView();
     else text.current?.scrollTo(0, 0);
   }, [place.value]);
-  const found = query.value.trim()
-    ? search(query.value)
-    : PAGES.map(({ name }) => ({ page: name, heading: "", slug: "" }));
+  const matches = (): readonly GuidePlace[] =>
+    query.value.trim() ? searchGuide(query.value) : PAGES.map(({ name }) => ({ page: name, heading: "", slug: "" }));
+  const found = matches();
   return (
     <Dialog title={TEXT.guide} onClose={onClose} wide>
       <div class="guide">
@@ -57,7 +57,8 @@ export function Guide({ onClose }: Props) {
             value={query.value}
             onText={(typed) => (query.value = typed)}
             onKeyDown={(event) => {
-              if (event.key === "Enter" && found[0]) place.value = found[0];
+              const [first] = matches(); // the list is drawn a moment later
+              if (event.key === "Enter" && first) place.value = first;
             }}
           />
           <nav class="categories" aria-label={TEXT.pages}>

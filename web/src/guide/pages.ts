@@ -1,5 +1,5 @@
 /** Pages of the guide, as they are in docs/guide when the page is built, and their search. */
-import { slugOf } from "./markdown";
+import { blocksOf, slugOf } from "./markdown";
 
 interface GuidePage {
   readonly name: string;
@@ -7,7 +7,7 @@ interface GuidePage {
   readonly text: string;
 }
 
-export interface Found {
+export interface GuidePlace {
   readonly page: string;
   /** Heading of the section, and its identifier; "" for the page itself. */
   readonly heading: string;
@@ -29,29 +29,34 @@ export const pageOf = (name: string): GuidePage | undefined => PAGES.find((page)
 
 const MAX_FOUND = 30;
 
-interface Section extends Found {
+interface Section extends GuidePlace {
   readonly title: string;
   readonly text: string;
 }
 
-const SECTIONS: readonly Section[] = PAGES.flatMap(({ name, title, text }) =>
-  text.split(/^(?=#{1,3} )/m).map((part) => {
-    const heading = /^(#+) (.*)/.exec(part);
-    const isTop = heading?.[1] === "#";
-    const words = heading?.[2] ?? "";
-    const own = isTop ? "" : words;
-    return {
-      page: name,
-      heading: own,
-      slug: own && slugOf(own),
-      title: `${title} ${words}`.toLowerCase(),
-      text: part.toLowerCase(),
-    };
-  }),
-);
+function sectionsOf({ name, title, text }: GuidePage): readonly Section[] {
+  const sections: Section[] = [];
+  for (const lines of blocksOf(text)) {
+    const [, level, words = ""] = /^(#+) (.*)/.exec(lines[0] ?? "") ?? [];
+    const own = level === "#" ? "" : words;
+    if (level)
+      sections.push({
+        page: name,
+        heading: own,
+        slug: own && slugOf(own),
+        title: `${title} ${words}`.toLowerCase(),
+        text: "",
+      });
+    const last = sections.pop();
+    if (last) sections.push({ ...last, text: `${last.text}\n${lines.join(" ").toLowerCase()}` });
+  }
+  return sections;
+}
+
+const SECTIONS = PAGES.flatMap(sectionsOf);
 
 /** Sections that have every word, those with words in their heading first. */
-export function search(query: string): readonly Found[] {
+export function searchGuide(query: string): readonly GuidePlace[] {
   const words = query.toLowerCase().split(/\s+/).filter(Boolean);
   return SECTIONS.filter(({ title, text }) => words.every((word) => title.includes(word) || text.includes(word)))
     .map((section) => ({ section, named: words.filter((word) => section.title.includes(word)).length }))

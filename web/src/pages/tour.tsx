@@ -22,11 +22,15 @@ interface Box {
   readonly height: number;
 }
 
-/** The box of the first of these that is shown. */
+/** The first of these that is shown, as far as it is on screen. */
 function boxOf(selectors: readonly string[]): Box | undefined {
   for (const selector of selectors) {
-    const box = document.querySelector(selector)?.getBoundingClientRect();
-    if (box && box.width > 0 && box.height > 0) return box;
+    const element = document.querySelector(selector);
+    if (!element?.getClientRects().length) continue;
+    element.scrollIntoView({ block: "nearest" });
+    const { left, top, right, bottom } = element.getBoundingClientRect();
+    const [x, y] = [Math.max(0, left), Math.max(0, top)];
+    return { left: x, top: y, width: Math.min(innerWidth, right) - x, height: Math.min(innerHeight, bottom) - y };
   }
   return undefined;
 }
