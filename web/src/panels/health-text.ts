@@ -3,11 +3,11 @@ import { age, byteRate, clock, number, type Quantity, signed } from "../ui/forma
 import { TOLD_S } from "../data/behind";
 import { countsLosses, embeddedKinds, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { ChannelInfo, DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
-import { type Tone, toneOf } from "./tones";
+import { type FigureTone, toneOf } from "./tones";
 import { TEXT } from "../texts/panels";
 
 export interface HealthQuantity extends Quantity {
-  readonly tone: Tone;
+  readonly tone: FigureTone;
 }
 
 const plain = (quantity: Quantity): HealthQuantity => ({ ...quantity, tone: "" });

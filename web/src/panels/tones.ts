@@ -3,7 +3,7 @@
  * devices and their links, so that a smaller trouble is never marked more than a larger one.
  */
 
-export type Tone = "" | "warn" | "bad";
+export type FigureTone = "" | "warn" | "bad";
 
 /** From these values on: a warning, a fault. Their units are those of the figures. */
 const FROM = {
@@ -19,8 +19,8 @@ const FROM = {
 
 export type Judged = keyof typeof FROM;
 
-/** Tone of a value; none of an unknown one. */
-export function toneOf(kind: Judged, value: number | undefined): Tone {
+/** FigureTone of a value; none of an unknown one. */
+export function toneOf(kind: Judged, value: number | undefined): FigureTone {
   const { warn, bad } = FROM[kind];
   if (value === undefined || Number.isNaN(value)) return "";
   if (value >= bad) return "bad";
