@@ -6,10 +6,12 @@ import type { LiveDialogProps, App } from "../../page/context";
 import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
 import { recordingTitle } from "../../recordings/library-filter";
 import { Button } from "../../ui/controls/button";
+import { Icon } from "../../ui/controls/icons";
+import type { RecordingInfo } from "../../wire/recording-types";
 import { IconButton } from "../../ui/controls/icon-button";
 import { late } from "../../ui/dom/late";
 import { COMMON } from "../../texts/common";
-import { compareView, isComparison } from "./compare/sides";
+import { compareView, comparisonHref, isComparison } from "./compare/sides";
 import { TEXT as COMPARE } from "./compare/texts";
 import { analysisPanel } from "./panel";
 import { TEXT } from "./texts";
@@ -67,6 +69,18 @@ function CompareRecordingButton({ recording }: Slots["recordingActions"]) {
   );
 }
 
+function CompareSelectedButton({ infos: [a, b, ...more] }: Slots["selectedRecordings"]) {
+  if (!a || !b || more.length > 0) return null;
+  const side = ({ id }: RecordingInfo) => ({ source: id, device: "" });
+  const place = comparisonHref({ a: side(a), b: side(b), signal: "", signalB: "" });
+  return (
+    <a class="btn edge" href={place} title={COMPARE.open}>
+      <Icon name="compare" />
+      {COMPARE.compare}
+    </a>
+  );
+}
+
 function Live({ app, device, onClose }: LiveDialogProps) {
   return <AnalysisDialog deps={app} source={device.id} title={device.name} prefix="" isLive onClose={onClose} />;
 }
@@ -105,6 +119,7 @@ registerExtension({
     { slot: "barViews", order: 10, View: AnalysisButton },
     { slot: "barViews", order: 20, View: CompareButton },
     { slot: "recordingActions", order: 30, View: CompareRecordingButton },
+    { slot: "selectedRecordings", order: 10, View: CompareSelectedButton },
   ],
   dialogs: [{ overlay: "analysis/dialog", Live, Recording }],
   keys: [
