@@ -45,7 +45,7 @@ _RATE = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",))
 
 
 def thumbnail(columns: ColumnStore) -> tuple[str, list[list[float]]]:
-    """Name of what is shown, and (least, greatest) of 64 buckets, 0..1, [] without samples; "", [] without motion."""
+    """Name of the motion, and (least, greatest) of 64 buckets, 0..1, [] without samples; "", [] without motion."""
     number, motion = _moving(columns)
     span = columns.span(number) if number is not None else None
     if number is None or span is None or span[1] <= span[0]:
@@ -82,8 +82,8 @@ def places(times: Iterable[float], started: float | None, duration: float | None
     """Positions of moments, 0..1 of the recording, ascending; of very many some."""
     if started is None or not duration:
         return []
-    found = sorted({round(min(max((time - started) / duration, 0.0), 1.0), 3) for time in times})
-    return found[:: -(-len(found) // MAX_PLACES)] if found else []
+    shares = sorted({round(min(max((time - started) / duration, 0.0), 1.0), 3) for time in times})
+    return shares[:: -(-len(shares) // MAX_PLACES)] if shares else []
 
 
 def recorded_devices(manifest: Mapping[str, Any]) -> list[RecordedDevice]:

@@ -59,7 +59,7 @@ async def get_memory(services: TheServices) -> list[HeldBytes]:
 
 @router.get("/api/recorder/storage", responses=responses(507))
 async def get_storage(services: TheServices) -> LibraryStorage:
-    """Disk space: what recordings take, what is free, and the quota."""
+    """Disk space: the share of recordings, free space, and the quota."""
     try:
         return await services.catalogue.storage(services.recorder.plan.quota_bytes)
     except OSError as error:

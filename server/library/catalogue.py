@@ -167,7 +167,7 @@ class Catalogue:
         )
 
     async def storage(self, quota_bytes: int) -> LibraryStorage:
-        """Disk space of the library. OSError: the disk cannot be asked."""
+        """Disk space of the library. OSError: the disk does not answer."""
         folder = self.library.folder
         place = folder if folder.is_dir() else folder.parent
         used, disk = await asyncio.gather(

@@ -100,5 +100,5 @@ def test_a_range_of_a_drive_is_kept_on_a_phone_too(drives: ServerProcess, open_p
     click(page, "button", "Keep this range", "document.querySelector('.band.saved a') !== null")
     page.keyboard.press("Escape")
     page.locator(".band.saved a").click()
-    until(page, "document.querySelector('.replay-head b')?.textContent.includes('00:00 to 00:0')")
+    until(page, "document.querySelector('.replay-head b')?.textContent.includes('00:00.0 to 00:0')")
     until(page, "window.imuscopeReplay?.drawn.channels.value.some(channel => channel.ring.length > 5)")

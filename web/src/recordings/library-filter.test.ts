@@ -5,7 +5,7 @@ import {
   dateWords,
   daysLeft,
   deviceName,
-  deviceWords,
+  namesOfDevices,
   distinctNames,
   flaw,
   recordedLosses,
@@ -145,7 +145,7 @@ it("a device without data is in no recording name and no filter", () => {
     counts_losses: true,
   };
   const info = one({ title: "", devices: [...one().devices, silent] });
-  expect(deviceWords(withReceiving(info))).toBe("MTi-630");
+  expect(namesOfDevices(withReceiving(info))).toBe("MTi-630");
   expect(withReceiving(info).devices.map(deviceName)).toEqual(["MTi-630 04F9"]);
   expect(withReceiving(one({ devices: [silent] })).devices).toHaveLength(1); // a recording without data keeps its only device
   const detail = {

@@ -94,7 +94,7 @@ export function knownDevices({ id, devices }: Pick<RecordingInfo, "id" | "device
 }
 
 /** Names of the known devices, each once. */
-export const deviceWords = (info: Pick<RecordingInfo, "id" | "devices">): string =>
+export const namesOfDevices = (info: Pick<RecordingInfo, "id" | "devices">): string =>
   [...new Set(knownDevices(info).map(({ name, product }) => name || product))].join(" + ");
 
 /** Of a file that imuscope has named itself: 20261121T044324Z-MTi-630. */
@@ -111,7 +111,7 @@ export function recordingTitle(info: Pick<RecordingInfo, "title" | "id" | "devic
   const [note = ""] = info.notes.trim().split("\n");
   if (note !== "") return note.slice(0, NAME_CHARACTERS);
   if (!STAMPED.test(info.id)) return info.id;
-  return [dateWords(info.started), deviceWords(info)].filter(Boolean).join(" · ") || info.id;
+  return [dateWords(info.started), namesOfDevices(info)].filter(Boolean).join(" · ") || info.id;
 }
 
 const namesIn = new WeakMap<readonly RecordingInfo[], ReadonlyMap<RecordingInfo, string>>();

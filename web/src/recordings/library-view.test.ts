@@ -2,7 +2,15 @@
 import { beforeEach, expect, it } from "vitest";
 import type { RecordingInfo } from "../wire/recording-types";
 import { recordingTitle } from "./library-filter";
-import { type COLUMNS, inOrder, sortedBy, storedView, storeView, USUAL, withColumn } from "./library-view";
+import {
+  type LIBRARY_COLUMNS,
+  sortRecordings,
+  sortedBy,
+  storedView,
+  storeView,
+  USUAL,
+  withLibraryColumn,
+} from "./library-view";
 
 beforeEach(() => localStorage.clear());
 
@@ -27,14 +35,14 @@ it("sorts by each column in both directions, with unknown values last", () => {
     info("run 10", { started: null, size: 7 }),
     info("a", { started: 8, size: 8 }),
   ];
-  const ids = (by: (typeof COLUMNS)[number]["name"], isDescending: boolean): string =>
-    inOrder(list, { by, isDescending }, recordingTitle)
+  const ids = (by: (typeof LIBRARY_COLUMNS)[number]["name"], isDescending: boolean): string =>
+    sortRecordings(list, { by, isDescending }, recordingTitle)
       .map(({ id }) => id)
       .join();
   expect([ids("recorded", true), ids("recorded", false)]).toEqual(["a,run 2,run 10", "run 2,a,run 10"]);
   expect([ids("name", false), ids("size", true)]).toEqual(["a,run 2,run 10", "run 2,a,run 10"]);
   const unread = [info("x", { read: false, opened: false }), info("bad", { damaged: "cut" }), info("good", {})];
-  expect(inOrder(unread, { by: "loss", isDescending: true }, recordingTitle).map(({ id }) => id)).toEqual([
+  expect(sortRecordings(unread, { by: "loss", isDescending: true }, recordingTitle).map(({ id }) => id)).toEqual([
     "bad",
     "good",
     "x",
@@ -43,7 +51,7 @@ it("sorts by each column in both directions, with unknown values last", () => {
 
 it("keeps order and columns in the browser, and ignores what is no view", () => {
   expect(storedView()).toEqual(USUAL);
-  const view = withColumn(sortedBy(sortedBy(USUAL, "size"), "size"), "tags", false);
+  const view = withLibraryColumn(sortedBy(sortedBy(USUAL, "size"), "size"), "tags", false);
   storeView(view);
   expect(storedView()).toEqual(view);
   expect([view.by, view.isDescending, view.columns?.includes("tags"), view.columns?.includes("name")]).toEqual([

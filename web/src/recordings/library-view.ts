@@ -2,9 +2,9 @@
 import type { RecordingInfo } from "../wire/recording-types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/recordings";
-import { deviceWords, isKnown, knownLosses, rejectsOf } from "./library-filter";
+import { namesOfDevices, isKnown, knownLosses, rejectsOf } from "./library-filter";
 
-export type ColumnName =
+export type LibraryColumn =
   | "motion"
   | "name"
   | "devices"
@@ -17,7 +17,7 @@ export type ColumnName =
   | "file";
 
 interface Column {
-  readonly name: ColumnName;
+  readonly name: LibraryColumn;
   readonly title: string;
   /** Right-aligned. */
   readonly isNumber?: boolean;
@@ -26,10 +26,10 @@ interface Column {
   readonly isDescending?: boolean;
 }
 
-export const COLUMNS: readonly Column[] = [
+export const LIBRARY_COLUMNS: readonly Column[] = [
   { name: "motion", title: TEXT.motion },
   { name: "name", title: TEXT.recording, key: (info, nameOf) => nameOf(info) },
-  { name: "devices", title: COMMON.devices, key: (info) => deviceWords(info) },
+  { name: "devices", title: COMMON.devices, key: (info) => namesOfDevices(info) },
   { name: "recorded", title: TEXT.recorded, isNumber: true, key: ({ started }) => started, isDescending: true },
   { name: "length", title: TEXT.length, isNumber: true, key: ({ duration }) => duration, isDescending: true },
   { name: "size", title: TEXT.size, isNumber: true, key: ({ size }) => size, isDescending: true },
@@ -46,38 +46,38 @@ function worst(info: RecordingInfo): number | undefined {
 }
 
 export interface LibraryView {
-  readonly by: ColumnName;
+  readonly by: LibraryColumn;
   readonly isDescending: boolean;
   /** Chosen by the user; undefined: those that have room. */
-  readonly columns?: readonly ColumnName[];
+  readonly columns?: readonly LibraryColumn[];
 }
 
 export const USUAL: LibraryView = { by: "recorded", isDescending: true };
 /** Of the columns that nobody chose. */
-export const USUAL_COLUMNS: readonly ColumnName[] = COLUMNS.slice(0, 8).map(({ name }) => name);
+export const USUAL_COLUMNS: readonly LibraryColumn[] = LIBRARY_COLUMNS.slice(0, 8).map(({ name }) => name);
 
 /** The view after a press on a head: its column, then the other direction. */
-export function sortedBy(view: LibraryView, by: ColumnName): LibraryView {
-  const first = COLUMNS.find(({ name }) => name === by)?.isDescending ?? false;
+export function sortedBy(view: LibraryView, by: LibraryColumn): LibraryView {
+  const first = LIBRARY_COLUMNS.find(({ name }) => name === by)?.isDescending ?? false;
   return { ...view, by, isDescending: view.by === by ? !view.isDescending : first };
 }
 
 /** The view with a column shown or not; the name stays. */
-export function withColumn(view: LibraryView, name: ColumnName, isShown: boolean): LibraryView {
+export function withLibraryColumn(view: LibraryView, name: LibraryColumn, isShown: boolean): LibraryView {
   const now = view.columns ?? USUAL_COLUMNS;
   return {
     ...view,
-    columns: COLUMNS.map((one) => one.name).filter((one) => (one === name ? isShown : now.includes(one))),
+    columns: LIBRARY_COLUMNS.map((one) => one.name).filter((one) => (one === name ? isShown : now.includes(one))),
   };
 }
 
 /** In the order of the view; those without a value are the last in both directions. */
-export function inOrder(
+export function sortRecordings(
   list: readonly RecordingInfo[],
   { by, isDescending }: LibraryView,
   nameOf: (info: RecordingInfo) => string,
 ): readonly RecordingInfo[] {
-  const key = COLUMNS.find(({ name }) => name === by)?.key;
+  const key = LIBRARY_COLUMNS.find(({ name }) => name === by)?.key;
   if (key === undefined) return list;
   const collator = new Intl.Collator(undefined, { numeric: true });
   const keyed = list.map((info) => ({ info, value: key(info, nameOf) }));
@@ -99,7 +99,7 @@ const KEY = "imuscope.library";
 export function storedView(): LibraryView {
   try {
     const { by, isDescending, columns } = JSON.parse(localStorage.getItem(KEY) ?? "{}") as Partial<LibraryView>;
-    const isName = (one: unknown): one is ColumnName => COLUMNS.some(({ name }) => name === one);
+    const isName = (one: unknown): one is LibraryColumn => LIBRARY_COLUMNS.some(({ name }) => name === one);
     return {
       ...(isName(by) && typeof isDescending === "boolean" ? { by, isDescending } : USUAL),
       ...(Array.isArray(columns) && columns.every(isName) ? { columns } : {}),

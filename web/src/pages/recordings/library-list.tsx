@@ -1,8 +1,22 @@
 /** The list of recordings: a table of which only the rows on screen are elements, however many there are. */
 import { useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import { bytes, dateWords, deviceWords, flaw, isKnown, length, recordingTitle } from "../../recordings/library-filter";
-import { COLUMNS, type ColumnName, sortedBy, USUAL_COLUMNS, withColumn } from "../../recordings/library-view";
+import {
+  bytes,
+  dateWords,
+  namesOfDevices,
+  flaw,
+  isKnown,
+  length,
+  recordingTitle,
+} from "../../recordings/library-filter";
+import {
+  LIBRARY_COLUMNS,
+  type LibraryColumn,
+  sortedBy,
+  USUAL_COLUMNS,
+  withLibraryColumn,
+} from "../../recordings/library-view";
 import type { RecordingInfo } from "../../wire/recording-types";
 import { Button } from "../../ui/controls/button";
 import { Card } from "../../ui/controls/card";
@@ -48,7 +62,7 @@ function Table({ app, library }: TableProps) {
   const [first, rows, height] = [useSignal(0), useSignal(Math.ceil(innerHeight / ROW_PX)), useSignal(ROW_PX)];
   const list = library.shown.value;
   const { columns, ...order } = library.view.value;
-  const shown: ReadonlySet<ColumnName> = new Set(columns ?? USUAL_COLUMNS);
+  const shown: ReadonlySet<LibraryColumn> = new Set(columns ?? USUAL_COLUMNS);
   // what a row measures depends on the window; the room for them, too
   useLayoutEffect(() => {
     const host = box.current;
@@ -78,7 +92,7 @@ function Table({ app, library }: TableProps) {
   const to = Math.min(list.length, from + rows.value + 3 * SPARE_ROWS);
   const at = library.selected.value;
   const active = list.slice(from, to).find(({ id }) => id === at);
-  const heads = COLUMNS.filter(({ name }) => shown.has(name));
+  const heads = LIBRARY_COLUMNS.filter(({ name }) => shown.has(name));
   const head = heads.map(({ name, title, isNumber, key }) => ({
     class: `c-${name} ${isNumber ? "num" : ""}`,
     text: key ? (
@@ -114,7 +128,7 @@ function Table({ app, library }: TableProps) {
         onKeyDown={(event) => onKey(event, library, (index) => reveal(box.current, index, height.peek()))}
       >
         <caption class="visually-hidden">
-          {TEXT.recordingsBy(COLUMNS.find(({ name }) => name === order.by)?.title ?? "")}
+          {TEXT.recordingsBy(LIBRARY_COLUMNS.find(({ name }) => name === order.by)?.title ?? "")}
         </caption>
         <colgroup>
           <col class="c-check" />
@@ -153,7 +167,7 @@ function Table({ app, library }: TableProps) {
 const scrollerOf = (host: HTMLElement): HTMLElement | undefined =>
   getComputedStyle(host).overflowY === "visible" ? undefined : host;
 
-function directionOf(view: { readonly by: ColumnName; readonly isDescending: boolean }, name: ColumnName) {
+function directionOf(view: { readonly by: LibraryColumn; readonly isDescending: boolean }, name: LibraryColumn) {
   return view.by !== name ? ("none" as const) : view.isDescending ? ("descending" as const) : ("ascending" as const);
 }
 
@@ -223,7 +237,7 @@ function Check({ label, isOn, set }: CheckProps) {
 interface RowProps extends TableProps {
   readonly info: RecordingInfo;
   readonly index: number;
-  readonly shown: ReadonlySet<ColumnName>;
+  readonly shown: ReadonlySet<LibraryColumn>;
 }
 
 function Row({ app, library, info, index, shown }: RowProps) {
@@ -239,10 +253,10 @@ function Row({ app, library, info, index, shown }: RowProps) {
     const isAdded = event.ctrlKey || event.metaKey || library.isPicking.peek();
     library.pick(info.id, event.shiftKey ? "range" : isAdded ? "toggled" : "alone");
   };
-  const devices = deviceWords(info);
+  const devices = namesOfDevices(info);
   const isTitled = info.title !== "" && info.title !== info.id;
   const about = info.damaged || (isTitled && info.notes) || ((isTitled || info.notes !== "") && devices) || info.file;
-  const cells: Readonly<Record<ColumnName, () => preact.ComponentChildren>> = {
+  const cells: Readonly<Record<LibraryColumn, () => preact.ComponentChildren>> = {
     motion: () => <Thumb info={info} />,
     name: () => (
       <>
@@ -310,7 +324,7 @@ function Row({ app, library, info, index, shown }: RowProps) {
       <td class="c-check">
         <Check label={TEXT.selectRow(name)} isOn={isOn} set={() => library.pick(info.id, "toggled")} />
       </td>
-      {COLUMNS.map(
+      {LIBRARY_COLUMNS.map(
         (column) =>
           shown.has(column.name) && (
             <td key={column.name} class={`c-${column.name} ${column.isNumber ? "num" : ""}`}>
@@ -378,7 +392,7 @@ function Thumb({ info }: { readonly info: RecordingInfo }) {
 }
 
 /** The choice of columns; those that nobody chose give way where there is no room. */
-export function ColumnChoice({ library }: { readonly library: Library }) {
+export function ColumnMenu({ library }: { readonly library: Library }) {
   const now = library.view.value.columns ?? USUAL_COLUMNS;
   const close = ({ currentTarget }: { readonly currentTarget: HTMLDetailsElement }): void => {
     currentTarget.open = false;
@@ -396,12 +410,14 @@ export function ColumnChoice({ library }: { readonly library: Library }) {
         {TEXT.columns}
       </summary>
       <div role="group" aria-label={TEXT.columns}>
-        {COLUMNS.filter(({ name }) => name !== "name").map(({ name, title }) => (
+        {LIBRARY_COLUMNS.filter(({ name }) => name !== "name").map(({ name, title }) => (
           <label key={name}>
             <input
               type="checkbox"
               checked={now.includes(name)}
-              onChange={(event) => library.look(withColumn(library.view.peek(), name, event.currentTarget.checked))}
+              onChange={(event) =>
+                library.look(withLibraryColumn(library.view.peek(), name, event.currentTarget.checked))
+              }
             />
             {title}
           </label>

@@ -8,7 +8,7 @@ import {
   recordingTitle,
   withReceiving,
 } from "../../recordings/library-filter";
-import { inOrder, type LibraryView, storedView, storeView } from "../../recordings/library-view";
+import { sortRecordings, type LibraryView, storedView, storeView } from "../../recordings/library-view";
 import { recordingsApi, upload } from "../../recordings/api";
 import type { EditRequest, LibraryStorage, RecordingInfo } from "../../wire/recording-types";
 import type { HttpProblem } from "../../requests/http";
@@ -42,7 +42,7 @@ export class Library {
   readonly coming = signal<readonly Coming[]>([]);
   readonly #names = computed(() => distinctNames(this.all.value ?? []));
   readonly nameOf = (info: RecordingInfo): string => this.#names.value.get(info) ?? recordingTitle(info);
-  readonly #sorted = computed(() => inOrder(this.all.value ?? [], this.view.value, this.nameOf));
+  readonly #sorted = computed(() => sortRecordings(this.all.value ?? [], this.view.value, this.nameOf));
   readonly shown = computed(() => chosen(this.#sorted.value, this.choice.value));
   /** The selected ones that are listed, in their order. */
   readonly several = computed(() => this.shown.value.filter(({ id }) => this.picked.value.has(id)));

@@ -20,7 +20,7 @@ import { TopBar } from "../top-bar";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { PageOverlays } from "../overlays";
 import { RecordingDetails } from "./details";
-import { ColumnChoice, RecordingList } from "./library-list";
+import { ColumnMenu, RecordingList } from "./library-list";
 import { SelectionBar } from "./selection-bar";
 import { type Library, libraryOf } from "./library-store";
 import { COMMON } from "../../texts/common";
@@ -205,7 +205,7 @@ function Tools({ app }: { readonly app: App }) {
         {library.all.value !== undefined && TEXT.recordingCount(list.length)}
         {seconds > 0 && ` · ${length(seconds)}`}
       </span>
-      <ColumnChoice library={library} />
+      <ColumnMenu library={library} />
       <Button
         look="edge phone"
         words={library.isPicking.value ? COMMON.cancel : TEXT.select}
