@@ -249,7 +249,8 @@ function Row({ app, library, info, index, shown }: RowProps) {
   const size = bytes(info.recording ? (app.store.recorder.value?.bytes ?? info.size) : info.size);
   const isOn = library.picked.value.has(info.id);
   const press = (event: MouseEvent): void => {
-    if (event.target instanceof Element && event.target.closest("a, button") !== null) return;
+    const link = event.ctrlKey || event.metaKey || event.shiftKey ? "a, button" : "button"; // the link is opened elsewhere
+    if (event.target instanceof Element && event.target.closest(link) !== null) return;
     const isAdded = event.ctrlKey || event.metaKey || library.isPicking.peek();
     library.pick(info.id, event.shiftKey ? "range" : isAdded ? "toggled" : "alone");
   };
