@@ -15,7 +15,9 @@ from urllib.parse import urlsplit, urlunsplit
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.signals import Device, ImuscopeError, checked, column_names
+from imuscope.protocols.schema.units import Unit
+from imuscope.recordings.columns.units import UNITS, Units, described_in, scaled
+from imuscope.signals import Device, ImuscopeError, checked, choice, column_names
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -69,8 +71,10 @@ class Server:
         version: of the server.
     """
 
-    def __init__(self, connection: "ClientConnection") -> None:
+    def __init__(self, connection: "ClientConnection", units: Units) -> None:
         self._connection = connection
+        self._units = units
+        self._shapes: dict[int, tuple[list[str], Sequence[float]]] = {}  # of each channel dtypes as sent, and factors
         self._devices: dict[str, Device] = {}
         self._signals: dict[int, LiveSignal] = {}
         self._waiting: list[bytes] = []
@@ -117,7 +121,8 @@ class Server:
     def _stream(self, names: tuple[str, ...], history_s: float, timeout_s: float | None) -> Iterator[Batch]:
         self._waiting.clear()  # samples of an earlier stream
         self._taken = {}
-        self._send({"op": "subscribe", "channels": None, "history": history_s})
+        sent = "shown" if self._units == "shown" else "device"
+        self._send({"op": "subscribe", "channels": None, "history": history_s, "units": sent})
         newest = time.monotonic()
         while True:
             while not self._waiting:
@@ -174,6 +179,14 @@ class Server:
 
     def _signal(self, info: Mapping[str, Any]) -> LiveSignal:
         device = self._devices.get(info["device"]) or Device(info["device"], info["device"], "", "", "", "")
+        dtypes: list[str] = [one["dtype"] for one in info["columns"]]
+        factors: Sequence[float] = ()
+        if self._units != "shown":
+            if not all("sent_unit" in one for one in info["columns"]):
+                raise ImuscopeError(f"That server, imuscope {self.version}, sends the units of its page only.")
+            pairs = [(Unit.parse(one["sent_unit"] or one["unit"]), Unit.parse(one["unit"])) for one in info["columns"]]
+            info, factors = described_in(info, [sent.to(shown) for sent, shown in pairs], self._units)
+        self._shapes[info["id"]] = dtypes, factors
         columns = info["columns"]
         return LiveSignal(
             device=device,
@@ -192,7 +205,7 @@ class Server:
     def _batches(self, data: bytes, names: tuple[str, ...]) -> Iterator[Batch]:
         from imuscope.server.wire.codec import decode_samples
 
-        for frame in decode_samples(data, {number: one.dtypes for number, one in self._signals.items()}):
+        for frame in decode_samples(data, {number: dtypes for number, (dtypes, _) in self._shapes.items()}):
             signal = self._signals[frame.channel]
             own = (signal.name, signal.title)
             device = self._devices.get(signal.device.id, signal.device)
@@ -206,27 +219,33 @@ class Server:
             if not fresh.any():
                 continue
             arrival, time, *columns = frame.columns if fresh.all() else [column[fresh] for column in frame.columns]
+            if factors := self._shapes[frame.channel][1]:
+                both = zip(columns, factors, strict=True)
+                columns = [one if by == 1 else scaled(one.astype(np.float64), by) for one, by in both]
             values = columns[0] if len(columns) == 1 else np.column_stack(columns)
             yield Batch(signal, np.where(np.isnan(time), arrival, time), arrival, values, frame.dropped)
 
 
 @checked
-def connect(address: str, *, token: str = "") -> Server:
+def connect(address: str, *, token: str = "", units: Units = "shown") -> Server:
     """Connect to a running server.
 
     Args:
         address: that of its page, "http://robot.local:8080"; "tcp://robot.local:8080" and "robot.local" are the same.
         token: as in the address that a server beyond this machine prints; may be in `address` (…/?token=…).
+        units: of the samples, as of `Signal.in_units`: "shown", "SI", or "device" bit by bit.
 
     Raises:
         ImuscopeError: nothing answers, or the token is refused.
     """
+    choice("units", units, UNITS)
     from websockets.exceptions import InvalidHandshake, InvalidURI
     from websockets.sync.client import connect as connect_websocket
 
     url = _websocket_address(address, token)
     try:
-        return Server(connect_websocket(url, subprotocols=[_subprotocol()], open_timeout=CONNECT_S, max_size=None))
+        connection = connect_websocket(url, subprotocols=[_subprotocol()], open_timeout=CONNECT_S, max_size=None)
+        return Server(connection, units)
     except (OSError, TimeoutError) as error:
         raise ImuscopeError(f"No server answers at {address}: {error}.") from None
     except (InvalidHandshake, InvalidURI) as error:

@@ -171,7 +171,13 @@ _WHICH_ALIGNMENT = (Field("parameter", "u1", choices=ALIGNMENTS, doc="Alignment 
 _ALIGNMENT = (
     *_WHICH_ALIGNMENT,
     *(
-        Field(q, ">f4", decimals=4, default=float(q == "q0"), doc="Component of the unit quaternion, scalar first.")
+        Field(
+            *(q, ">f4"),
+            decimals=4,
+            default=float(q == "q0"),
+            frame="aligned from native",
+            doc="Component of the unit quaternion, scalar first.",
+        )
         for q in ("q0", "q1", "q2", "q3")
     ),
 )
@@ -351,7 +357,7 @@ MESSAGES: tuple[Message, ...] = (
     # 5.3.3 device
     _to_device(0x18, "ReqBaudrate", "5.3.3", "Requests the baud rate; deprecated on the 600-series."),
     _to_host(0x19, "ReqBaudrateAck", "8.3", "The baud rate.", _BAUD),
-    _to_device(0x18, "SetBaudrate", "5.3.3", "Stores a baud rate.", _BAUD),
+    _to_device(0x18, "SetBaudrate", "5.3.3", "Stores a baud rate; deprecated on the 600-series.", _BAUD),
     _to_host(0x19, "SetBaudrateAck", "8.3", "The baud rate is stored."),
     _to_device(0x48, "ReqOptionFlags", "5.3.3", "Requests the option flags."),
     _to_host(0x49, "ReqOptionFlagsAck", "8.3", "The option flags.", _OPTIONS),

@@ -6,7 +6,7 @@
                    /<device>/<message>/arrival: its arrival, and the segment of the clock if there are several;
                    /<device>/<message>/bytes: undescribed payloads, base64 according to their schema
     log time       device time mapped to the host's clock; its arrival if it has none (or if the base is arrival)
-    message        JSON {"x_m_s2": …, "y_m_s2": …} (topics.py), or protobuf (standard_schemas.py)
+    message        JSON {"x_m_s2": …, "y_m_s2": …} (topics.py), or protobuf with units of its own (standard_schemas.py)
 
 Missing values, and those that JSON cannot represent (NaN, infinity), are left out; so are standard messages and events
 where Foxglove's package is not installed.
@@ -18,7 +18,7 @@ million messages, so their records are built column by column: Arrow joins texts
 import base64
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,11 +75,13 @@ class DecodedTopic:
     topic: MessageChannel
     channel: int
     made: Callable[[ExactRows], Messages]
+    is_standard: bool  # of rows in the page's units, whatever the others are in
 
 
 def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file."""
-    streams = _streams(request)
+    shown = replace(request, columns=request.columns.in_units("shown"))
+    streams = _streams(request, shown)
     ranges = {stream.channel: request.rows(stream.channel) for stream in streams}
     payloads = {info["id"]: info for info in request.payloads}
     total = sum(hi - lo for lo, hi in ranges.values()) or 1
@@ -97,7 +99,12 @@ def write(request: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
                 for number, part in window.items()
                 if part[1] > part[0]
             }
-            _put(target, [stream.made(rows[stream.channel]) for stream in streams if stream.channel in rows], largest)
+            present = [stream for stream in streams if stream.channel in rows]
+            standard = {one.channel: rows[one.channel] for one in present if one.is_standard}
+            if request.columns.units != "shown":
+                standard = {number: shown.columns.exact(number, *window[number]) for number in standard}
+            made = [one.made((standard if one.is_standard else rows)[one.channel]) for one in present]
+            _put(target, made, largest)
             done += sum(map(len, rows.values()))
             step(done / total)
         segments = {device: begins for device, begins in request.columns.manifest.get("segments", {}).items() if begins}
@@ -131,8 +138,10 @@ def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
         target.chunk(data, rows[:, first:past])
 
 
-def _streams(request: ExportRequest) -> list[DecodedTopic]:
-    """Topics of the request. They are named among all of the recording, so the choice changes no name."""
+def _streams(request: ExportRequest, shown: ExportRequest) -> list[DecodedTopic]:
+    """Topics of the request, and of the same in the page's units for standard messages. They are named among all of the
+    recording, so the choice changes no name.
+    """
     manifest = request.columns.manifest
     names = device_names(manifest["devices"])
     chosen = {info["id"] for info in request.infos}
@@ -143,18 +152,20 @@ def _streams(request: ExportRequest) -> list[DecodedTopic]:
         in_use.add(topic)
         if info["id"] in chosen:
             described = MessageChannel(len(topics) + 1, topic, **about)
-            topics.append(DecodedTopic(described, info["id"], partial(body, described.id)))
+            is_standard = about["encoding"] == "protobuf"
+            topics.append(DecodedTopic(described, info["id"], partial(body, described.id), is_standard))
 
-    devices = {device.id: device for device in devices_of(manifest["devices"], manifest["channels"])}
+    entities = devices_of(manifest["devices"], shown.columns.manifest["channels"])
+    devices = {device.id: device for device in entities}
     for info in manifest["channels"]:
         name, device = names.get(info["device"], info["device"]), devices[info["device"]]
         stream(topic_of(name, info, in_use), info, _json(schema_of(info)), partial(_plain, request, info))
         if STANDARD and device.attitude and device.attitude.channel == info["id"]:
             topic = named(name, standard_schemas.ATTITUDE, in_use=in_use)
-            stream(topic, info, _protobuf(standard_schemas.FrameTransform), partial(_transforms, request, device))
+            stream(topic, info, _protobuf(standard_schemas.FrameTransform), partial(_transforms, shown, device))
         if STANDARD and device.position and device.position.kind == "place" and device.position.channel == info["id"]:
             topic = named(name, standard_schemas.POSITION, in_use=in_use)
-            stream(topic, info, _protobuf(standard_schemas.LocationFix), partial(_fixes, request, device))
+            stream(topic, info, _protobuf(standard_schemas.LocationFix), partial(_fixes, shown, device))
     chosen |= {info["id"] for info in request.clocks if request.columns.rows(info["id"])}
     for info in request.clocks:
         what = "utc" if [column["name"] for column in info["columns"]] == ["utc"] else "clock"

@@ -49,6 +49,7 @@ class FieldForm:
     length: int = 0  # bytes or characters of a text or hex; elements of a vector; 0: open
     max_length: int = 0  # maximum number of list elements; 0: limited by the payload only
     axes: list[str] = field(default_factory=list)
+    frame: str = ""  # of a vector; of a rotation both: "output from sensor"
     choices: dict[str, str] = field(default_factory=dict)  # value (decimal) → meaning
     bits: list[BitsInfo] = field(default_factory=list)
     fields: list[FieldForm] = field(default_factory=list)  # of a record, or of each element of a list
@@ -114,6 +115,7 @@ class Forms:
     commands: list[CommandForm]
     corrections: bool = False  # accepts RTCM
     factory: bool = False  # its factory settings are documented
+    axes: Literal["FLU", "FRD"] = "FLU"  # of its body
     note: str = ""  # the part that is not known yet, one sentence
 
 

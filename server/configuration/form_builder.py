@@ -64,6 +64,7 @@ def forms_of(
         and family.configuration.corrections is not None
         and family.configuration.corrections.takes(known),
         factory=bool(driver.factory(known)),
+        axes=family.device.sensors(known.product).axes if family is not None else "FLU",
         note=note,
     )
 
@@ -147,6 +148,7 @@ def field_form(field: Field) -> FieldForm:
         length=_length(field),
         max_length=field.max_length,
         axes=list(field.axes),
+        frame=field.frame,
         choices={str(number): constant_label(meaning) for number, meaning in field.choices.items()},
         bits=_bits(field),
         fields=field_forms(field.fields),

@@ -24,7 +24,7 @@ from imuscope.recordings.columns.payloads import BYTES, SHAPE, PayloadsWriter
 from imuscope.recordings.columns.store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from imuscope.server import wire
 from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
-from imuscope.server.streaming.channels import SHOWN, clock_alone
+from imuscope.server.streaming.channels import clock_alone, factors_of
 from imuscope.server.streaming.sink import Dated, EventSink
 from imuscope.server.streaming.unknown_payloads import Payloads, described
 
@@ -50,7 +50,6 @@ class RecordingSink(EventSink):
     """
 
     reports_every_gap = True  # plots show each gap, and there is no live log to flood
-    stores_sent_units = True
 
     def __init__(
         self, writer: ColumnStoreWriter, health_history: HealthHistoryWriter, *, by_arrival: bool = False
@@ -96,9 +95,8 @@ class RecordingSink(EventSink):
         number = self._number
         self.infos[number] = replace(info, id=number)
         status = tuple(info.kind == "status" and bool(column.bits) for column in info.columns)
-        factors = tuple(SHOWN[column.sent_unit][1] if column.sent_unit else 1.0 for column in info.columns)
         dtypes = tuple(column.dtype for column in info.columns)
-        self._writer.channel(number, ChannelLayout(dtypes, status, factors if {*factors} != {1.0} else ()))
+        self._writer.channel(number, ChannelLayout(dtypes, status, factors_of(info)))
         return number
 
     def publish(self, pieces: Iterable[ChannelRows | WireRows]) -> None:

@@ -102,7 +102,6 @@ class TelemetryBus(EventSink):
 
     archive: SampleArchive | None = None  # live views need neither clock readings nor all payloads
     reports_every_gap = False
-    stores_sent_units = False
 
     def __init__(self, now: Callable[[], float], store: ChannelStore, log: EventLog) -> None:
         self._now = now

@@ -15,24 +15,20 @@ from imuscope.protocols.arrays import Array, Floats, Ints
 from imuscope.protocols.clocks.unix_time import seconds
 from imuscope.protocols.events import Batch
 from imuscope.protocols.schema.layouts import Layout, LazyColumns
-from imuscope.recordings.columns.units import scaled
-from imuscope.server.streaming.ring_kernel import DIVIDE, MULTIPLY
 from imuscope.server.wire import ChannelInfo
 
-Copies = tuple[Layout, Ints, Array]
+Copies = tuple[Layout, Ints]
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnPlan:
-    """Layout of one channel within a batch: its id, its columns, rows per sample (a table's k), and the factor of each
-    column shown in another unit (0 for an unchanged unit; empty if all are unchanged). `copies` and factors of
+    """Layout of one channel within a batch: its id, its columns, rows per sample (a table's k), and `copies` of
     ring_kernel.py, if each of its numbers is one on the wire.
     """
 
     channel: int
     names: tuple[str, ...]
     per_sample: int
-    factors: tuple[float, ...]
     copies: Copies | None = None
 
 
@@ -61,17 +57,17 @@ class WireRows:
 
     Attributes:
         bytes: (n, size) uint8, each row with a sample.
-        copies, factors: where the columns are in it, and their factors, see ring_kernel.py.
+        copies: where the columns are in it, see ring_kernel.py.
         arrival_ns, time_ns, time: (n,) ns and s since 1970.
     """
 
-    __slots__ = ("_batch", "_plan", "arrival_ns", "bytes", "channel", "copies", "factors", "time", "time_ns")
+    __slots__ = ("_batch", "_plan", "arrival_ns", "bytes", "channel", "copies", "time", "time_ns")
 
     def __init__(
         self, batch: Batch, columns: LazyColumns, plan: ColumnPlan, copies: Copies, time: Floats, time_ns: Ints
     ) -> None:
         self._batch, self._plan = batch, plan
-        self.channel, (_, self.copies, self.factors) = plan.channel, copies
+        self.channel, (_, self.copies) = plan.channel, copies
         self.bytes, self.arrival_ns, self.time, self.time_ns = columns.rows, batch.arrival_ns, time, time_ns
 
     def __len__(self) -> int:
@@ -99,17 +95,14 @@ def values_of(batch: Batch, cut: ColumnPlan) -> list[Array]:
     for name in cut.names:
         array = np.asarray(batch.columns[name])
         out.extend(_rows(array) if cut.per_sample != 1 or table_of(array) is not None else numbers_of(array))
-    if not cut.factors:
-        return out
-    return [scaled(column, factor) if factor else column for column, factor in zip(out, cut.factors, strict=True)]
+    return out
 
 
 def copies_of(columns: Mapping[str, Array], plan: ColumnPlan, info: ChannelInfo) -> Copies | None:
     """The places in a row that are copied to a channel's columns; None if not each value is a number of the row."""
     if plan.per_sample != 1 or not isinstance(columns, LazyColumns):
         return None
-    places: list[tuple[int, int, bool, int]] = []
-    factors: list[float] = []
+    places: list[tuple[int, int, bool]] = []
     for name in plan.names:
         numbers = columns.layout.readers[name].numbers
         if numbers is None:
@@ -117,14 +110,10 @@ def copies_of(columns: Mapping[str, Array], plan: ColumnPlan, info: ChannelInfo)
         offset, dtype, count = numbers
         native = dtype.newbyteorder("=")
         for k in range(count):
-            factor = plan.factors[len(places)] if plan.factors else 0.0
-            if info.columns[len(places)].dtype != native.str[1:] or (factor and native.str[1:] not in ("f4", "f8")):
+            if info.columns[len(places)].dtype != native.str[1:]:
                 return None
-            divides = 0 < factor < 1 and (1 / factor).is_integer()  # as `scaled`
-            operation = (DIVIDE if divides else MULTIPLY) if factor else 0
-            places.append((offset + k * dtype.itemsize, dtype.itemsize, dtype != native, operation))
-            factors.append(float(native.type(round(1 / factor) if divides else factor)) if factor else 0.0)
-    return columns.layout, np.array(places, np.int64).T.copy(), np.array(factors)
+            places.append((offset + k * dtype.itemsize, dtype.itemsize, dtype != native))
+    return columns.layout, np.array(places, np.int64).T.copy()
 
 
 def numbers_of(array: Array) -> list[Array]:

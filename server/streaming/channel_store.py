@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 from imuscope.server import wire
 from imuscope.server.streaming.channel_rows import ChannelRows, WireRows
+from imuscope.server.streaming.channels import factors_of
 from imuscope.server.streaming.ring_buffer import RingBuffer
 
 TRIM_S = 1.0
@@ -58,7 +59,9 @@ class ChannelStore:
         """Open a channel; returns its description with its id, which is never used again in this run."""
         info = replace(info, id=self._next)
         self._next += 1
-        self._channels[info.id] = StoredChannel(info, RingBuffer([column.dtype for column in info.columns]))
+        self._channels[info.id] = StoredChannel(
+            info, RingBuffer([column.dtype for column in info.columns], factors_of(info))
+        )
         return info
 
     def append(self, pieces: Iterable[ChannelRows | WireRows]) -> list[int]:

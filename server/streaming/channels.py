@@ -13,8 +13,8 @@ is that of the array. The division of a batch is computed once per message layou
 layouts occur thousands of times.
 
 The page shows °/s for rad/s, µT for T and metres for millimetres: `SHOWN` is the only place where wire units are
-converted to page units, for every family. Files and `inspect` use wire units; so does the store of a recording, whose
-columns are converted as they are read (recordings/columns/units.py).
+converted to page units, for every family. Files and `inspect` use wire units; so do the rows made here, which the store
+of a recording and the ring buffers hold, and convert as they are read (recordings/columns/units.py).
 
 Unknown payloads are not numbers; they are shown as bytes (server/streaming/unknown_payloads.py).
 
@@ -63,6 +63,7 @@ SHOWN: Mapping[str, tuple[str, float, int]] = {
     "mm": ("m", 1e-3, -3),
     "mm/s": ("m/s", 1e-3, -3),
 }
+_FACTORS = {sent: factor for sent, (_, factor, _) in SHOWN.items()} | dict.fromkeys(("rad", "rad/s/°C"), 180 / np.pi)
 _MAX_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
 MAX_CHANNELS = 1000  # of one device; a vendor's tables give at most some 300
 
@@ -73,15 +74,13 @@ class ChannelRegistry:
     Args:
         device: DeviceInfo.id.
         advertise: called once for each new channel with its description (id 0); returns the id.
-        as_sent: values stay in the units in which the device sends them; descriptions have those of the page, too.
 
     Attributes:
         is_full: `MAX_CHANNELS` is reached; further channels are not created.
     """
 
-    def __init__(self, device: str, advertise: Advertise, *, as_sent: bool = False) -> None:
+    def __init__(self, device: str, advertise: Advertise) -> None:
         self.device = device
-        self._as_sent = as_sent
         self._advertise = advertise
         self._plans: dict[tuple[int, bool], tuple[Message, list[ColumnPlan]]] = {}
         self._ids: dict[str, int] = {}
@@ -145,12 +144,11 @@ class ChannelRegistry:
             info = _describe(self.device, message, name, fields, batch.columns)
             if info is not None:
                 used = tuple(field.name for field in fields)
-                factors = _in_shown_units(info)
+                _in_shown_units(info)
                 if not batch.verified:  # verified and unverified samples must not share a trace
                     info.name = f"{info.name}?"  # separate name; the title is the same, and `verified` marks it
                     info.verified = False
-                factors = () if self._as_sent else factors
-                plan = ColumnPlan(0, used, rows_per_sample(batch.columns[used[0]]), factors)
+                plan = ColumnPlan(0, used, rows_per_sample(batch.columns[used[0]]))
                 if self._fits(batch, plan, info) and (number := self._identify(info)):
                     cuts.append(replace(plan, channel=number, copies=copies_of(batch.columns, plan, info)))
         return cuts
@@ -210,19 +208,22 @@ def _merged(parts: list[tuple[Array, list[Array]]]) -> tuple[list[Array], Array]
     return [np.concatenate(column)[order] for column in columns], offset[order]
 
 
-def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:
-    """Change `info` to the page's units; returns the factor of each column, 0 if unchanged, () if all are unchanged."""
-    factors = []
+def factors_of(info: ChannelInfo) -> tuple[float, ...]:
+    """Factors from the columns as sent to those in the page's units; () if all are 1."""
+    factors = tuple(_FACTORS[column.sent_unit] if column.sent_unit else 1.0 for column in info.columns)
+    return factors if {*factors} != {1.0} else ()
+
+
+def _in_shown_units(info: ChannelInfo) -> None:
+    """Change the description to the page's units."""
     for column in info.columns:
-        unit, factor, fewer = SHOWN.get(column.unit, ("", 0.0, 0))
-        factors.append(factor)
-        if factor:
-            column.unit, column.sent_unit = unit, column.unit
+        if column.unit in SHOWN:
+            column.sent_unit = column.unit
+            column.unit, _, fewer = SHOWN[column.unit]
             column.dtype = column.dtype if column.dtype in ("f4", "f8") else "f8"
             if column.decimals >= 0 or fewer < 0:
                 column.decimals = max(0, max(column.decimals, 0) - fewer)
     info.unit = SHOWN[info.unit][0] if info.unit in SHOWN else info.unit
-    return tuple(factors) if any(factors) else ()
 
 
 # ── descriptions ─────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -354,6 +355,7 @@ def _column(field: Field, name: str, dtype: Dtype, axis: Axis) -> ColumnInfo:
         name=name,
         dtype=dtype,
         unit=field.unit,
+        sent_unit=field.sent_unit,
         label=field.title if name in (field.name, "value") else "",
         axis=axis,
         choices={str(value): meaning for value, meaning in field.choices.items()},

@@ -4,7 +4,8 @@
     ChannelStore ──rows────>      │
                                   └─ subscribe ─> HistoryStream: contents of the rings, up to the first live sample
 
-New data is encoded once per flush, and every client gets the same bytes. A flush happens when there is new data, at
+New data is encoded once per flush, and every client gets the same bytes, once more for those that want the units in
+which it was sent. A flush happens when there is new data, at
 most every 12 ms for up to four clients and every 16 ms beyond (once per frame of a 60 Hz screen; on a small computer
 each flush costs more than the samples in it), less often if every client needs less (`SendQueue.interval_s`).
 """
@@ -14,6 +15,8 @@ import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
+
+import numpy as np
 
 from imuscope.server import wire
 from imuscope.server.concurrency.heartbeat import UNWATCHED_S
@@ -195,19 +198,21 @@ class ClientFanout:
         self._flush_text()
         now = self._bus.now()
         touched, self._touched = self._touched, {}
-        frames = []
-        for number in touched:
-            channel = self._store.get(number)
-            if channel is None:
-                continue
-            total = channel.ring.total
-            for n, data in channel.ring.frames(number, self._offered.get(number, 0), total, now):
-                frames.append(Frame(number, n, data))
-            self._offered[number] = total
-        if frames:
-            packet = Packet.of(frames, now)
+        rings = {number: channel.ring for number in touched if (channel := self._store.get(number)) is not None}
+        for as_sent in {queue.as_sent for queue in self._queues} if rings else ():
+            with np.errstate(over="ignore"):  # the largest float32 in rad/s is infinite in °/s
+                packet = Packet.of(
+                    (
+                        Frame(number, *frame)
+                        for number, ring in rings.items()
+                        for frame in ring.frames(number, self._offered.get(number, 0), ring.total, now, as_sent=as_sent)
+                    ),
+                    now,
+                )
             for queue in self._queues:
-                queue.offer(packet)
+                if queue.as_sent is as_sent:
+                    queue.offer(packet)
+        self._offered |= {number: ring.total for number, ring in rings.items()}
 
     def _flush_text(self) -> None:
         if self._devices_changed:
@@ -288,7 +293,9 @@ class ClientFanout:
                 offered = self._offered.get(number, 0)
                 since = newest.get(channel.info.device, 0.0) - past_s
                 spans[number] = (channel.ring, min(channel.ring.sequence_at(since), offered), offered)
-        queue.subscribe(request.channels, HistoryStream(spans), wire_codec.encode_text(wire.HistoryEnd()))
+        queue.as_sent = request.units == "device"
+        history = HistoryStream(spans, as_sent=queue.as_sent)
+        queue.subscribe(request.channels, history, wire_codec.encode_text(wire.HistoryEnd()))
 
     @property
     def browsers(self) -> int:

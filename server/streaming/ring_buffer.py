@@ -17,6 +17,8 @@ them is converted to bytes in one call:
 The newest two blocks are read all the time. Older ones are packed (packed_columns.py), each column alone, and unpacked
 by each reader: ten minutes of history take less than half of the memory.
 
+Samples are as the device sent them, and converted to the page's units as they are read.
+
 Each column of a frame is padded to 8 bytes (server/wire/). A range is therefore read rounded up to whole groups of
 8 bytes; the bytes beyond its end are later samples or slack, without meaning. Because of that rounding a frame never
 crosses a block.
@@ -24,12 +26,14 @@ crosses a block.
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
-from itertools import chain, groupby
+from functools import partial
+from itertools import chain, groupby, islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imuscope.recordings.columns.units import scaled
 from imuscope.server.streaming.channel_rows import WireRows
 from imuscope.server.streaming.packed_columns import packed, unpack
 from imuscope.server.streaming.ring_kernel import append_rows
@@ -44,7 +48,7 @@ BLOCK_BYTES = 64 * 1024
 _SLACK_ROWS = 8
 _UNPACKED_BLOCKS = 2  # newest blocks
 _PACKED_BYTES = 8 * 1024  # a smaller block is not worth it
-_NO_MEMORY = np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros(0, np.float64)
+_NO_MEMORY = np.zeros(0, np.uint8), np.zeros(0, np.float64)
 
 
 class RingBlock:
@@ -74,7 +78,7 @@ class RingBlock:
         sizes = [length * dtype.itemsize for dtype, rows in groups for _ in range(rows)]
         self.begins = np.cumsum([0, *sizes[:-1]])
         memory = np.zeros(sum(sizes), np.uint8)
-        self.memory = memory, memory.view(np.float32), memory.view(np.float64)
+        self.memory = memory, memory.view(np.float64)
         self._arrays = []
         for dtype, rows in groups:
             size = rows * length * dtype.itemsize
@@ -120,13 +124,18 @@ class RingBuffer:
 
     Args:
         dtypes: of the channel's own columns; `arrival` and `time` (float64) come before them.
+        factors: from these columns, as sent, to those in the page's units; none if all are 1.
     """
 
-    def __init__(self, dtypes: Sequence[str]) -> None:
+    def __init__(self, dtypes: Sequence[str], factors: Sequence[float] = ()) -> None:
         columns = [np.dtype("<f8"), np.dtype("<f8"), *(np.dtype("<" + name) for name in dtypes)]
         self.columns = len(columns)
         self.sample_bytes = sum(dtype.itemsize for dtype in columns)
         self._groups = [(dtype, len(list(run))) for dtype, run in groupby(columns)]
+        self._factors = (1.0, 1.0, *(factors or (1.0,) * len(dtypes)))
+        self._scales = [
+            _scales(list(islice(each, rows)), dtype) for each in [iter(self._factors)] for dtype, rows in self._groups
+        ]
         self._per_8_bytes = [8 // dtype.itemsize for dtype, _ in self._groups]
         self._blocks: deque[RingBlock] = deque()
         self.total = 0
@@ -164,12 +173,12 @@ class RingBuffer:
 
     def append_wire(self, rows: WireRows) -> None:
         """Add samples as they were on the wire."""
-        columns, n = (rows.bytes, rows.copies, rows.factors, rows.arrival_ns, rows.time), len(rows)
+        columns, n = (rows.bytes, rows.copies, rows.arrival_ns, rows.time), len(rows)
         block = self._blocks[-1] if self._blocks else self._grow()
         if 0 < n <= block.capacity - block.n:  # the usual case, in a third of the time
             append_rows(*columns, *block.memory, block.begins, block.n, 0, n)
             block.n += n
-            block.last_arrival = block.memory[2].item(block.n - 1)
+            block.last_arrival = block.memory[1].item(block.n - 1)
             self.total += n
             return
         for block, at, take in self._room(n):
@@ -220,18 +229,23 @@ class RingBuffer:
                 return block.first + int(np.searchsorted(arrivals, arrival))
         return self.total
 
-    def frames(self, channel: int, start: int, stop: int, now: float) -> Iterator[tuple[int, bytes]]:
+    def frames(
+        self, channel: int, start: int, stop: int, now: float, *, as_sent: bool = False
+    ) -> Iterator[tuple[int, bytes]]:
         """Sample frames of the sequence numbers `start` ≤ s < `stop`, oldest first, as (samples, bytes)."""
+        encode = partial(self._encode, channel=channel, now=now, history=False, as_sent=as_sent)
         if self._blocks and start >= self._blocks[-1].first:  # the usual case: samples since the last flush
             newest = self._blocks[-1]
-            yield stop - start, self._encode(newest.arrays, channel, start, stop, now, newest.first, history=False)
+            yield stop - start, encode(newest.arrays, start, stop, newest.first)
             return
         for block in self._blocks:
             a, b = max(start, block.first), min(stop, block.first + block.n)
             if a < b:
-                yield b - a, self._encode(block.arrays, channel, a, b, now, block.first, history=False)
+                yield b - a, encode(block.arrays, a, b, block.first)
 
-    def history_frame(self, channel: int, start: int, stop: int, now: float) -> tuple[int, float, bytes] | None:
+    def history_frame(
+        self, channel: int, start: int, stop: int, now: float, *, as_sent: bool = False
+    ) -> tuple[int, float, bytes] | None:
         """The newest part of `start` ≤ s < `stop` that fits in one frame.
 
         Returns:
@@ -242,33 +256,41 @@ class RingBuffer:
             if a < b:
                 arrays = block.arrays
                 arrival = float(arrays[0][0, a - block.first])
-                return a, arrival, self._encode(arrays, channel, a, b, now, block.first, history=True)
+                with np.errstate(over="ignore"):
+                    frame = self._encode(
+                        arrays, a, b, block.first, channel=channel, now=now, history=True, as_sent=as_sent
+                    )
+                return a, arrival, frame
         return None
 
     def _encode(
         self,
         arrays: Sequence[NDArray[Any]],
-        channel: int,
         start: int,
         stop: int,
-        now: float,
         first: int,
         *,
+        channel: int,
+        now: float,
         history: bool,
+        as_sent: bool,
     ) -> bytes:
         """One frame of samples in the arrays of a block, whose first sequence number is `first`."""
         n, at = stop - start, start - first
         parts = [b""]
         size = HEADER.size
-        for array, per in zip(arrays, self._per_8_bytes, strict=True):
-            data = array[:, at : at + (n + per - 1) // per * per].tobytes()
+        for array, per, scales in zip(arrays, self._per_8_bytes, self._scales, strict=True):
+            part = array[:, at : at + (n + per - 1) // per * per]
+            for operation, by in () if as_sent else scales:
+                part = operation(part, by)
+            data = part.tobytes()
             size += len(data)
             parts.append(data)
         parts[0] = sample_header(channel, start, n, self.columns, size, now, history=history)
         return b"".join(parts)
 
     def read(self, start: int = 0, columns: Collection[int] | None = None) -> list[NDArray[Any]]:
-        """Copies of all columns, or of those at some positions, from sequence number `start` on."""
+        """Copies of columns in the page's units, all or those at some positions, from sequence number `start` on."""
         pieces: list[list[NDArray[Any]]] = []
         is_wanted: Callable[[int], bool] = (lambda at: True) if columns is None else columns.__contains__
         for block in reversed(self._blocks):  # the newest rows are read most often
@@ -279,4 +301,15 @@ class RingBuffer:
         dtypes = [dtype for dtype, rows in self._groups for _ in range(rows)]
         if not pieces:
             return [np.zeros(0, dtype) for at, dtype in enumerate(dtypes) if is_wanted(at)]
-        return [np.concatenate(column) for column in zip(*pieces, strict=True)]
+        factors = [factor for at, factor in enumerate(self._factors) if is_wanted(at)]
+        whole = [np.concatenate(column) for column in zip(*pieces, strict=True)]
+        return [scaled(column, by) if by != 1 else column for column, by in zip(whole, factors, strict=True)]
+
+
+def _scales(factors: Sequence[float], dtype: np.dtype[Any]) -> list[tuple[np.ufunc, NDArray[Any]]]:
+    """Operations that convert the columns of a group, as `scaled` does; (columns, 1) operands."""
+    exact = [factor < 1 and (1 / factor).is_integer() for factor in factors]
+    times = [1.0 if is_exact else factor for factor, is_exact in zip(factors, exact, strict=True)]
+    parts = [round(1 / factor) if is_exact else 1 for factor, is_exact in zip(factors, exact, strict=True)]
+    both = ((np.multiply, times), (np.divide, parts))
+    return [(operation, np.array(by, dtype)[:, None]) for operation, by in both if {*by} != {1}]

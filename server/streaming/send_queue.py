@@ -72,9 +72,11 @@ class HistoryStream:
 
     Args:
         spans: channel → (ring, first and last-plus-one sequence number).
+        as_sent: in the units in which they were sent, instead of the page's.
     """
 
-    def __init__(self, spans: Mapping[int, tuple[RingBuffer, int, int]]) -> None:
+    def __init__(self, spans: Mapping[int, tuple[RingBuffer, int, int]], *, as_sent: bool = False) -> None:
+        self._as_sent = as_sent
         self._spans = {channel: span for channel, span in spans.items() if span[1] < span[2]}
         # Heap of (−arrival up to which the channel is still unsent, channel): the newest part is sent first.
         self._next = [(-float("inf"), channel) for channel in self._spans]
@@ -87,7 +89,7 @@ class HistoryStream:
         while self._next and size < limit:
             _, channel = heapq.heappop(self._next)
             ring, start, stop = self._spans[channel]
-            frame = ring.history_frame(channel, start, stop, now)
+            frame = ring.history_frame(channel, start, stop, now, as_sent=self._as_sent)
             if frame is None:
                 continue
             began, arrival, data = frame
@@ -110,10 +112,12 @@ class SendQueue:
     Attributes:
         interval_s: shortest useful interval between samples.
         is_browser: False for a subprocess that feeds a third-party viewer.
+        as_sent: samples are wanted in the units in which they were sent, instead of the page's.
     """
 
     interval_s = 0.0
     is_browser = True
+    as_sent = False
 
     def __init__(
         self,

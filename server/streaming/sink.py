@@ -72,10 +72,6 @@ class TelemetrySink(EventSink, Protocol):
     def reports_every_gap(self) -> bool:
         """False: many gaps in a short time are summarised (server/devices/device/event_reporter.py)."""
 
-    @property
-    def stores_sent_units(self) -> bool:
-        """False: samples are published in the units of the page."""
-
     def advertise(self, info: wire.ChannelInfo) -> int:
         """Open a channel described by `info` (id 0); returns its id, which is never used again."""
 

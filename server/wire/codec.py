@@ -192,7 +192,10 @@ def decode_text(text: str) -> BrowserText:
                 isinstance(channels, list) and all(type(item) is int for item in channels)
             ):
                 raise WireError("`channels` must be null or a list of channel ids.", f"It was {channels!r:.80}.")
-            return Subscribe(max(0.0, _number(message, "history")), channels)
+            units = message.get("units", "shown")
+            if units not in ("shown", "device"):
+                raise WireError('`units` must be "shown" or "device".', f"It was {units!r:.40}.")
+            return Subscribe(max(0.0, _number(message, "history")), channels, units)
     raise WireError(f"Unknown op {message.get('op')!r:.40}.", "A browser sends `subscribe`, `interval` or `ping`.")
 
 

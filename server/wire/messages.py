@@ -106,6 +106,7 @@ class Subscribe:
 
     history: float  # seconds of history wanted, before the newest sample of each device
     channels: list[int] | None = None  # None: all, also future ones
+    units: Literal["shown", "device"] = "shown"  # of the samples: those of the page, or `sent_unit` of their columns
     op: Literal["subscribe"] = "subscribe"
 
 

@@ -197,3 +197,17 @@ def show(page: Page, *panels: str, phone: bool = False) -> None:
         page.get_by_text("Done", exact=True).tap()
     else:
         page.keyboard.press("Escape")
+
+
+def first_five_plots(page: Page) -> list[tuple[int, int]]:
+    """Upper and lower edges of the first plots, once they are drawn, px."""
+    until(page, "document.querySelectorAll('#plots .plot canvas').length >= 5")
+    drawn(page)
+    drawn(page)  # the attitude gives them room in the frame after they have asked for it
+    boxes = page.evaluate(
+        """[...document.querySelectorAll('#plots .plot')].slice(0, 5).map(one => {
+          const {top, bottom} = one.getBoundingClientRect();
+          return [Math.round(top), Math.round(bottom)];
+        })"""
+    )
+    return [(top, bottom) for top, bottom in boxes]

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, SILENT, click, press, show
+from tests.browser.page_checks import DESKTOP, PHONE, SILENT, click, first_five_plots, press, show
 from tests.conftest import READY
 from tests.support.chromium import until
 from tests.support.server_process import ServerProcess
@@ -27,7 +27,8 @@ DRAWN = """window.imuscopeReplay?.drawn.channels.value.some(channel => channel.r
     && window.imuscopeReplay.near.channels.value.some(channel => channel.ring.length > 20)"""
 NOTES = "document.querySelector('[data-panel=notes]')"
 NOTES_TEXT = f"{NOTES}?.querySelector('.notes-text')?.innerText"
-CURVES = "document.querySelectorAll('dialog[open] path.trace').length"
+ANALYSIS = "document.querySelector('[data-panel=analysis]')"
+CURVES = "document.querySelectorAll('[data-panel=analysis] path.trace').length"
 FIRST = "document.querySelector('.recording-list tbody tr b a')"
 
 
@@ -54,6 +55,17 @@ def opened(server: ServerProcess, open_page: Callable[..., Page], size: tuple[in
 def view_of(page: Page) -> dict[str, Any]:
     """The visible range and the playhead."""
     return page.evaluate("({...window.imuscope.view.value, head: window.imuscopeReplay.head})")  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("size", [DESKTOP, (720, 450), PHONE], ids=str)
+def test_plots_of_the_player_have_room(
+    recorded: ServerProcess, open_page: Callable[..., Page], size: tuple[int, int]
+) -> None:
+    plots = first_five_plots(opened(recorded, open_page, size))
+    assert min(bottom - top for top, bottom in plots) >= 96
+    assert plots[0][1] <= size[1], "one whole plot is in the first view"
+    if size == DESKTOP:
+        assert sum(bottom - top for top, bottom in plots) >= 520
 
 
 def test_from_the_record_button_to_the_list(
@@ -212,10 +224,19 @@ def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
 
 def analyse(recorded: ServerProcess, page: Page) -> None:
     """A spectrum in one action, and of an expression in one more."""
-    press(page, "a", f"{CURVES} === 3 && document.querySelector('dialog[open]').innerText.includes('at {RATE} Hz')")
+    press(
+        page,
+        "a",
+        f"{CURVES} === 3 && {ANALYSIS}.innerText.includes('at {RATE} Hz')",
+    )
     page.get_by_label("Signals or expressions").fill("norm(Acceleration) - 1 g")
     until(page, f"{CURVES} === 1")
-    click(page, "button", "Spectrogram", "document.querySelectorAll('dialog[open] .spectrogram > canvas').length > 0")
+    click(
+        page,
+        "button",
+        "Spectrogram",
+        f"{ANALYSIS}.querySelector('.spectrogram > canvas') !== null",
+    )
 
 
 def share_a_link(page: Page) -> None:

@@ -116,7 +116,7 @@ ARROWS: Mapping[str, str] = {
         charts <- data ui/controls
         requests <- ui/controls
         signals <- data
-        forms <- requests
+        forms <- data requests
         measure <- data
         page <- extension signals forms measure
         panels <- page
@@ -124,8 +124,8 @@ ARROWS: Mapping[str, str] = {
         recordings <- page
         attitude <- panels
         views <- recordings
-        workspace <- panels
-        pages <- plots attitude views workspace
+        workspace <- panels plots
+        pages <- attitude views workspace
         pages/configure <- pages
         pages/recordings <- pages/configure
         extensions <- ui/completion pages/recordings

@@ -14,6 +14,7 @@ import pytest
 
 import imuscope.recording
 import imuscope.signals
+from imuscope.recordings.columns.units import UNITS, Units
 from imuscope.signals import Signal
 from tests.support.cache_folder import cache_folder
 from tests.support.server_process import ROOT, ServerProcess
@@ -346,6 +347,20 @@ def test_a_server_is_an_iterator(server: ServerProcess) -> None:
             imuscope.ImuscopeError, match=r"Nothing of 'Rate' arrived .*; the server sends: .*Rate of turn"
         ):
             next(live.stream("Rate", timeout_s=0.2))
+    received: dict[Units, dict[float, Any]] = {}
+    for units in UNITS:
+        with imuscope.connect(server.url, units=units) as live:
+            received[units] = {}
+            for batch in live.stream("RateOfTurn", history_s=60, timeout_s=PATIENCE_S):
+                assert batch.signal.units == ("°/s" if units == "shown" else "rad/s",) * 3
+                received[units] |= zip(batch.time.tolist(), batch.values, strict=True)
+                if len(received["shown"].keys() & received[units]) > 300:
+                    break
+    for time in set.intersection(*map(set, received.values())):
+        sent = received["device"][time]
+        assert sent.dtype == np.float32
+        np.testing.assert_array_equal(received["shown"][time], sent * np.float32(180 / np.pi))
+        np.testing.assert_array_equal(received["SI"][time], sent)
     for address in (server.url.replace("http://", "tcp://"), server.url.removeprefix("http://")):
         with imuscope.connect(address) as live:
             assert live.version

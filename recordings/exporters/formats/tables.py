@@ -28,7 +28,7 @@ for _place, (_name, _title, _suffix, _module, _label, _words, _per_byte) in enum
             10 * _place,
             _label,
             _words,
-            takes_units=_name != "mcap",  # its standard messages have those of their schemas
+            takes_units=True,
             per_byte=_per_byte,
         )
     )

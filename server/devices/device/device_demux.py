@@ -85,7 +85,7 @@ class LinkDevice:
         self.stats = LinkStatistics()
         if bytes_of is not None:
             self.stats.bytes = bytes_of.bytes
-        self.channels = ChannelRegistry(device, sink.advertise, as_sent=sink.stores_sent_units)
+        self.channels = ChannelRegistry(device, sink.advertise)
         self.events = EventReporter(sink, device)
         self.unknown_payloads = UnknownPayloadTracker(
             device, sink.archive.keep_payloads if sink.archive is not None else None

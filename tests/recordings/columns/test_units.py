@@ -21,7 +21,9 @@ RATE_OF_TURN = 0x8020
 MESSAGES: Mapping[str, Callable[[], Iterator[every_message.Case]]] = {
     "xbus": every_message.xbus,
     "idtp": every_message.idtp,
+    "isb": every_message.isb,
 }
+SENT = {"xbus": {"mm", "mm/s", "rad/s"}, "idtp": {"rad/s"}, "isb": {"rad", "rad/s"}}
 
 
 def sent(data: bytes) -> Array:
@@ -53,8 +55,18 @@ def test_what_arrived_is_in_the_recording_and_its_exports_bit_by_bit(tmp_path: P
         np.testing.assert_array_equal(frame.to_numpy(), wire)
         [parquet] = recording.export(tmp_path / "rates.parquet", signals="RateOfTurn", units="device")
         [text] = recording.export(tmp_path / "rates.csv", signals="RateOfTurn", units="SI")
-        with pytest.raises(imuscope.ImuscopeError, match="MCAP, decoded files have units of their own"):
-            recording.export(tmp_path / "rates.mcap", units="SI")
+        with pytest.raises(imuscope.ImuscopeError, match="files have units of their own"):
+            recording.export(tmp_path / "rates.euroc", units="SI")
+        [decoded] = recording.export(tmp_path / "rates.mcap", units="device")
+        [angles] = recording.export(tmp_path / "angles.mcap", units="SI")
+        roll = recording["EulerAngles"].values_in("rad")
+    with imuscope.open(angles) as again:
+        names = [one.message for one in again.signals]
+        np.testing.assert_array_equal(again.signals[names.index("/MTi-630/Euler_angles")].values, roll)
+        rotation = again["rotation"].values
+    with imuscope.open(decoded) as again:
+        np.testing.assert_array_equal(again["rotation"].values, rotation)
+        np.testing.assert_array_equal(again["Rate of turn"].in_units("device").values.astype(np.float32), wire)
     table = pq.read_table(parquet)
     for at, axis in enumerate("xyz"):
         np.testing.assert_array_equal(table[f"RateOfTurn.{axis}"].to_numpy(), wire[:, at])
@@ -82,11 +94,14 @@ def test_every_converted_column_is_as_sent_in_the_units_of_the_device(family: st
                     np.testing.assert_array_equal(values, own)
                     continue
                 units.add(device.units[at])
+                if device.units[at].startswith("rad"):
+                    assert own.dtype in (np.float32, np.float64)
+                    np.testing.assert_array_equal(values, own * (180 / np.pi))
                 if device.units[at].startswith("mm"):
                     assert (own == np.rint(own)).all()
                     np.testing.assert_array_equal(values, own / 1000)
                     np.testing.assert_allclose(si.column(at), values)
-    assert units >= ({"mm", "mm/s", "rad/s"} if family == "xbus" else {"rad/s"})
+    assert units >= SENT[family]
 
 
 @each_row("units", UNITS)

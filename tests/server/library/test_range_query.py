@@ -47,7 +47,7 @@ def hub_with(store: ColumnStore) -> tuple[Telemetry, dict[int, int]]:
     ids: dict[int, int] = {}
     for number, info in channels_of(store).items():
         ids[number] = telemetry.bus.advertise(info)
-        rows = store.exact(number, 0, store.rows(number))
+        rows = store.in_units("device").exact(number, 0, store.rows(number))
         telemetry.bus.publish([ChannelRows(ids[number], [rows.arrival, rows.time, *rows.columns])])
     return telemetry, ids
 

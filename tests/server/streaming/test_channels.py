@@ -9,7 +9,7 @@ from imuscope.protocols.events import Batch
 from imuscope.protocols.isb.decoder import IsbDecoder
 from imuscope.protocols.schema.fields import Bits, Field, Message
 from imuscope.server.streaming import channels
-from imuscope.server.streaming.channels import ChannelRegistry
+from imuscope.server.streaming.channels import ChannelRegistry, factors_of
 from imuscope.server.wire import ChannelInfo
 from tests.protocols.isb.isb_vectors import by_did
 from tests.support.each_row import each_row
@@ -200,13 +200,15 @@ def test_any_other_message_is_one_channel() -> None:
 
 
 def test_displayed_units_are_degrees_and_metres() -> None:
-    """Units in SHOWN are converted in values, unit, dtype and digits."""
+    """Units in SHOWN are converted in unit, dtype and digits; values stay as sent until they are read."""
     turn = Field("RateOfTurn", ">f4", (3,), unit="rad/s", axes=("x", "y", "z"), decimals=4)
     info, columns = one(turn, np.array([[0.0, np.pi, -np.pi / 2]], "f4"))
     assert info.unit == "°/s"
     assert [(c.unit, c.dtype, c.decimals) for c in info.columns] == [("°/s", "f4", 2)] * 3
-    assert [float(c[0]) for c in columns[2:]] == pytest.approx([0.0, 180.0, -90.0])
-    assert columns[3].dtype == np.float32
+    assert [column.sent_unit for column in info.columns] == ["rad/s"] * 3
+    assert [float(column[0]) * by for column, by in zip(columns[2:], factors_of(info), strict=True)] == pytest.approx(
+        [0.0, 180.0, -90.0]
+    )
 
     fix = Field("GnssPvtData", fields=(Field("numSV", "u1"), Field("height", ">i4", unit="mm")))
     info, columns = one(fix, np.array([(7, -1234)], [("numSV", "u1"), ("height", "i4")]))
@@ -214,7 +216,8 @@ def test_displayed_units_are_degrees_and_metres() -> None:
         ("numSV", "", "u1", -1),
         ("height", "m", "f8", 3),
     ]
-    assert [column.tolist() for column in columns[2:]] == [[7], [-1.234]]
+    assert [column.tolist() for column in columns[2:]] == [[7], [-1234]]
+    assert factors_of(info) == (1.0, 1e-3)
 
 
 def test_fields_with_separate_channels() -> None:

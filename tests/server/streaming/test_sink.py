@@ -14,6 +14,7 @@ from imuscope.protocols.xbus.decoder import XbusDecoder
 from imuscope.protocols.xbus.simulator.device import XbusSimulator
 from imuscope.recordings.columns.health_history import HealthHistoryWriter
 from imuscope.recordings.columns.store import ColumnStoreWriter
+from imuscope.recordings.columns.units import scaled
 from imuscope.server import wire
 from imuscope.server.devices.device.device_demux import LinkDecoder, LinkDevices
 from imuscope.server.devices.device.device_state import DeviceState
@@ -21,6 +22,7 @@ from imuscope.server.devices.device.ingest import LinkTiming
 from imuscope.server.library.collector import MAX_EVENTS, RecordingSink
 from imuscope.server.links.base import Chunk
 from imuscope.server.streaming.channel_rows import ChannelRows
+from imuscope.server.streaming.channels import factors_of
 from imuscope.server.streaming.sink import EventSink, SampleArchive, TelemetrySink
 from imuscope.server.streaming.telemetry import Telemetry
 from tests.support.fakes import FakeClock
@@ -31,7 +33,6 @@ class ListSink(EventSink):
 
     archive: SampleArchive | None = None
     reports_every_gap = True
-    stores_sent_units = False
 
     def __init__(self, now: Callable[[], float]) -> None:
         self.now = now
@@ -109,8 +110,10 @@ def test_every_sink_receives_the_same_data(recording: RecordingSink) -> None:
     assert sent == [one for one in described if one[0] != "EulerAngles"]
     for channel in telemetry.store.all:
         pieces = lists.rows[channel.info.id]
-        for k, column in enumerate(channel.ring.read()):
-            np.testing.assert_array_equal(column, np.concatenate([piece.columns[k] for piece in pieces]))
+        factors = (1, 1, *(factors_of(channel.info) or [1] * len(channel.info.columns)))
+        for k, (column, factor) in enumerate(zip(channel.ring.read(), factors, strict=True)):
+            sent = np.concatenate([piece.columns[k] for piece in pieces])
+            np.testing.assert_array_equal(column, scaled(sent, factor) if factor != 1 else sent)
     messages = [(event.kind, event.text, event.samples) for event in lists.events]
     assert {kind for kind, _, _ in messages} >= {"gap", "reject"}
     assert [(event.kind, event.text, event.samples) for event in recording.events] == messages

@@ -107,6 +107,7 @@ def test_text_round_trip() -> None:
         '{"op":"ping","t":true}',
         '{"op":"interval","s":"1"}',
         '{"op":"subscribe","history":NaN}',
+        '{"op":"subscribe","history":1,"units":"SI"}',
         '{"op":"subscribe","history":1,"channels":["1"]}',
         '{"op":"subscribe","history":1,"channels":[true]}',
         "[" * 100_000,

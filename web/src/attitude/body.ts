@@ -5,6 +5,8 @@ import { apply, axesOf, type Camera, project } from "./projection";
 
 /** The viewer stands south-west and above, looking north-east: north goes away to the left, east to the right. */
 const CAMERA: Camera = { azimuth: 0.62, elevation: 0.46 };
+/** Height of the words over the body, px. */
+const CAPTION_PX = 26;
 /** Half length, half width and half height of the box, along x, y and z. */
 const BOX: Vector3 = [0.5, 0.36, 0.17];
 const ARROWS: readonly { readonly letter: "x" | "y" | "z"; readonly tip: Vector3 }[] = [
@@ -24,17 +26,17 @@ const FACES = [
 const FLOOR = -0.62;
 const EXTENT = 1.2;
 
-/** Draws a body turned by `enu` (world from body, ENU); the floor is labelled with the axes of `frame`. */
-export function drawBody(to: Surface, enu: Matrix3 | undefined, frame: WorldFrame): void {
+/** Draws a body turned by `enu` (world from body, ENU); the floor is labelled with the axes of `frame`, or with `letters` for them. */
+export function drawBody(to: Surface, enu: Matrix3 | undefined, frame: WorldFrame, letters: string = frame): void {
   if (!to.begin()) return;
   const x = to.context;
-  const scale = Math.min(to.width(), to.height()) * 0.34;
+  const scale = Math.min(to.width(), to.height() - CAPTION_PX) * 0.38;
   const at = (p: Vector3): Vector3 => {
     const [right, up, away] = project(CAMERA, p);
-    return [to.width() / 2 + right * scale, to.height() / 2 + 16 - up * scale, away];
+    return [to.width() / 2 + right * scale, (to.height() + CAPTION_PX) / 2 - up * scale, away];
   };
   x.lineCap = "round";
-  drawFloor(x, at, frame);
+  drawFloor(x, at, frame, letters);
   if (!enu) return;
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k): Vector3 => {
     const [l, w, h] = BOX;
@@ -58,7 +60,7 @@ function line(x: CanvasRenderingContext2D, at: Place, from: Vector3, to: Vector3
   x.stroke();
 }
 
-function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: WorldFrame): void {
+function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: WorldFrame, letters: string): void {
   x.strokeStyle = css("--grid-zero");
   x.lineWidth = 1;
   for (let k = -3; k <= 3; k++) {
@@ -68,7 +70,7 @@ function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: WorldFrame): v
   font(x, 10.5, 500);
   x.textAlign = "center";
   x.textBaseline = "middle";
-  for (const { letter, to } of axesOf(frame)) {
+  for (const { letter, to } of axesOf(frame, letters)) {
     x.fillStyle = css("--ink-3");
     const vertical = to[2] !== 0;
     // Up or down stands at the floor's left corner, clear of the body; the others at the floor's edge.

@@ -51,13 +51,16 @@ export function pitchSign(frame: WorldFrame): string {
 }
 
 /** The frame's axes as directions of the world (ENU), with their letters. */
-export function axesOf(frame: WorldFrame): readonly { readonly letter: string; readonly to: Vector3 }[] {
+export function axesOf(
+  frame: WorldFrame,
+  letters: string = frame,
+): readonly { readonly letter: string; readonly to: Vector3 }[] {
   const units: readonly Vector3[] = [
     [1, 0, 0],
     [0, 1, 0],
     [0, 0, 1],
   ];
-  return units.map((unit, i) => ({ letter: frame.charAt(i), to: vectorIn(unit, frame, "ENU") }));
+  return units.map((unit, i) => ({ letter: letters.charAt(i), to: vectorIn(unit, frame, "ENU") }));
 }
 
 /** Position of a camera: turned by `azimuth` about up, raised by `elevation`, both in radians. */

@@ -251,3 +251,15 @@ export class ChannelRegistry {
     return rotations.find(({ info }) => info.kind === "quaternion") ?? rotations[0];
   }
 }
+
+/** Times of the first and the last sample; undefined without one. */
+export function sampledSpan(
+  channels: readonly Channel[],
+): { readonly first: number; readonly last: number } | undefined {
+  const rings = channels.map(({ ring }) => ring).filter(({ length }) => length > 0);
+  if (rings.length === 0) return undefined;
+  return {
+    first: Math.min(...rings.map((ring) => ring.time(0))),
+    last: Math.max(...rings.map((ring) => ring.time(ring.length - 1))),
+  };
+}

@@ -14,8 +14,12 @@ import {
   type PanelPlacement,
   setHeight,
   setSize,
+  setShares,
   show,
+  tile,
+  treeOf,
 } from "./layout";
+import { EDGES, leaves } from "./tiles";
 
 const panel = (id: string, where: string, optional = false): PanelPlacement => ({ id, where, optional });
 const ALL = [
@@ -90,12 +94,15 @@ it("any hundred steps lead to a layout that is read from its JSON equal, with ev
       () => show(layout, one, next() < 0.7),
       () => moveTo(layout, one, oneOf(next, AREAS), ALL, Math.floor(next() * 4)),
       () => moveBy(layout, one, next() < 0.5 ? -1 : 1, ALL),
+      () => tile(layout, one, oneOf(next, ALL).id, oneOf(next, EDGES), ALL),
+      () => setShares(layout, [], next() < 0.3 ? undefined : treeOf(layout, ALL).parts.map(() => 1 + next()), ALL),
       () => setHeight(layout, one.id, next() < 0.3 ? undefined : next() * 500),
       () => setSize(layout, "sideWidth", next() < 0.3 ? undefined : next() * 900),
       () => maximise(layout, next() < 0.5 ? undefined : one.id),
     ])();
     expect(layoutOf(JSON.parse(JSON.stringify(layoutJson(layout) ?? {})))).toEqual(layout);
     const shown = ids(layout).flat();
+    expect(leaves(treeOf(layout, ALL))).toEqual(ids(layout)[0]);
     expect([...shown].sort()).toEqual(
       ALL.filter((panelOf) => isShown(layout, panelOf))
         .map(({ id }) => id)
@@ -115,5 +122,9 @@ it.each([
   { order: { main: ["a", "a"] } },
   { order: { roof: [] } },
   { maximised: "" },
+  { tiles: "plots" },
+  { tiles: { along: "spiral", parts: ["plots"] } },
+  { tiles: { along: "row", parts: ["plots", "plots"] } },
+  { tiles: { along: "row", parts: ["plots", "xy"], shares: [1] } },
   { hologram: true },
 ])("%j is no layout", (json) => expect(layoutOf(json as never)).toBeUndefined());

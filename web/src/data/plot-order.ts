@@ -35,6 +35,26 @@ export function movedTo(of: PlotOrder, keys: readonly string[], key: string, to:
   return { ...of, order: [...next, ...away] };
 }
 
+/** The tile of the plots that were given no other. */
+export const PLOTS_TILE = "plots";
+export const tileOf = ({ tiles }: PlotOrder, key: string): string => tiles?.[key] ?? PLOTS_TILE;
+
+/** With a plot in another tile. */
+export function inTile(of: PlotOrder, key: string, tile: string): PlotOrder {
+  const { [key]: _, ...others } = of.tiles ?? {};
+  const tiles = tile === PLOTS_TILE ? others : { ...others, [key]: tile };
+  const { tiles: __, ...rest } = of;
+  return Object.keys(tiles).length > 0 ? { ...rest, tiles } : rest;
+}
+
+/** The name of a tile that no plot has yet. */
+export function freeTile({ tiles = {} }: PlotOrder): string {
+  const taken = new Set(Object.values(tiles));
+  let number = 2;
+  while (taken.has(`${PLOTS_TILE}/${number}`)) number += 1;
+  return `${PLOTS_TILE}/${number}`;
+}
+
 export const heightOf = ({ heights }: PlotOrder, key: string): number | undefined => heights?.[key];
 
 /** With that height, px; undefined: the plot takes its share of the room again. */

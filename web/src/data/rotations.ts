@@ -109,6 +109,15 @@ export function matrixOfEuler([roll, pitch, yaw]: Vector3): Matrix3 {
   ];
 }
 
+/** Quaternion of roll, pitch, yaw in °, with a scalar of 0 or more. */
+export function quaternionOfEuler(angles: Vector3): Quaternion {
+  const [r, p, y] = angles.map((angle) => [Math.cos((angle * DEGREE) / 2), Math.sin((angle * DEGREE) / 2)] as const);
+  if (!r || !p || !y) return [1, 0, 0, 0];
+  const q = multiply(multiply([y[0], 0, 0, y[1]], [p[0], 0, p[1], 0]), [r[0], r[1], 0, 0]);
+  const sign = q[0] < 0 ? -1 : 1;
+  return q.map((one) => (Math.abs(one) < 1e-15 ? 0 : one * sign)) as unknown as Quaternion;
+}
+
 /** The same rotation with the world's axes renamed: the rows move as a vector does. */
 export function matrixIn(m: Matrix3, from: WorldFrame, to: WorldFrame): Matrix3 {
   const column = (c: 0 | 1 | 2): Vector3 => vectorIn([m[c], m[(3 + c) as 3], m[(6 + c) as 6]], from, to);

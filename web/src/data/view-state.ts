@@ -32,6 +32,7 @@ export function createViewState(like?: ViewSignals): ViewState {
     histogram: signal<HistogramChoice>(like?.histogram.peek() ?? {}),
     analyses: signal(like?.analyses.peek() ?? {}),
     layout: signal(like?.layout.peek() ?? DEFAULT_LAYOUT),
+    plotsWish: signal(like?.plotsWish.peek() ?? { height: 660, least: 240, grows: true, keys: [] }),
   };
   const { view } = signals;
   const parts: ViewParts = {

@@ -1,6 +1,7 @@
 /** What a view of samples is made of: types that plots, panels and the store share. */
 import type { ReadonlySignal, Signal } from "@preact/signals";
 import type { Layout } from "./layout";
+import type { Wish } from "./tiles";
 import type { Channel } from "./channels";
 import type { WorldFrame } from "./rotations";
 
@@ -99,6 +100,13 @@ export interface CustomPlot {
 export interface PlotOrder {
   readonly order?: readonly string[];
   readonly heights?: Readonly<Record<string, number>>;
+  /** Tiles of the plots that do not stand with the others, by key of the plot. */
+  readonly tiles?: Readonly<Record<string, string>>;
+}
+
+/** Heights that the plots ask for, with what is under them; and the keys of all plots that there are. */
+export interface PlotsWish extends Wish {
+  readonly keys: readonly string[];
 }
 
 /** What a person chose for the y axis of a plot; without a range it follows the data. */
@@ -180,6 +188,7 @@ export interface ViewSignals {
   readonly analyses: Signal<{ readonly [panel in AnalysisPanel]?: AnalysisChoice }>;
   /** Where the panels are. */
   readonly layout: Signal<Layout>;
+  readonly plotsWish: Signal<PlotsWish>;
 }
 
 /** Parts of `view`, for what is redrawn when one changes: the view itself changes with every frame of a drag. */

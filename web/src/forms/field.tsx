@@ -1,6 +1,7 @@
 /** A field of a form: name, help, input, range, previous value. Records and lists are drawn from the fields inside them. */
 import { Message } from "../ui/controls/message";
 import { labelWords as named } from "../ui/format/labels";
+import { hasAngles, quaternionOf } from "./alignment";
 import { wasAt } from "./edits";
 import {
   BoolInput,
@@ -13,6 +14,7 @@ import {
   VectorInput,
 } from "./inputs";
 import { ListInput } from "./list-input";
+import { AngledField, AngledQuaternion } from "./alignment-input";
 import { idOf, problemAt, type FormContext } from "./form-context";
 import type { FieldForm } from "../wire/form-types";
 import { joined, ownRangeWords, type Path, valueWords } from "./values";
@@ -40,8 +42,10 @@ interface FieldsProps {
 }
 
 export function FieldList({ sheet, fields, root = [] }: FieldsProps) {
+  const quaternion = quaternionOf(fields);
   return (
     <div class="fields">
+      {quaternion.length > 0 && <AngledQuaternion sheet={sheet} fields={quaternion} root={root} />}
       {shownFields(fields, sheet, root).map((field) => (
         <Field key={field.name} sheet={sheet} field={field} path={[...root, field.name]} />
       ))}
@@ -130,7 +134,7 @@ export function FieldEditor(props: InputProps) {
     case "hex":
       return <TextInput {...props} />;
     case "vector":
-      return <VectorInput {...props} />;
+      return hasAngles(field) ? <AngledField {...props} /> : <VectorInput {...props} />;
     case "list":
       return <ListInput {...props} />;
     case "record":

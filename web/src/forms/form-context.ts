@@ -1,5 +1,5 @@
 /** Context of a form's widgets: values, previous values, problems, and the callback for new values. */
-import type { FieldProblem } from "../wire/form-types";
+import type { FieldProblem, Forms } from "../wire/form-types";
 import { joined, type Path, type FormValues } from "./values";
 
 export interface FormContext {
@@ -23,6 +23,8 @@ export interface FormContext {
   readonly sought: string;
   /** Paths of the port that the link uses; several: one of them. */
   readonly ports: readonly string[];
+  /** Axes of the device's body. */
+  readonly axes: Forms["axes"];
   /** Incremented when edits are discarded, so that typed texts are reset. */
   readonly epoch: number;
 }

@@ -43,6 +43,7 @@ it("shows a negative offset as one, and writes it back", () => {
     all: true,
     options: {},
     sought: "",
+    axes: "FLU",
     ports: [],
     epoch: 0,
     set: (_, value) => (written = value),

@@ -31,6 +31,22 @@ it("finds by name, title, field and meaning", () => {
   expect(search(index, "ser0")[0]).toMatchObject({ name: "DID_FLASH_CONFIG", field: "ser0BaudRate" });
 });
 
+it("lists settings before commands, deprecated ones last", () => {
+  const more = indexOf(
+    forms({
+      settings: [
+        setting({ name: "PortConfig", title: "Ports", group: "Port and baud rate" }),
+        setting({ name: "Other", title: "Other", doc: "Needs a higher baud rate." }),
+      ],
+      commands: [
+        command({ name: "ReqBaudrate", title: "Baud rate", doc: "Requests it; deprecated." }),
+        command({ name: "Reset", title: "Reset at the present baud rate" }),
+      ],
+    }),
+  );
+  expect(search(more, "baud").map(({ name }) => name)).toEqual(["PortConfig", "Reset", "Other", "ReqBaudrate"]);
+});
+
 it("requires every word", () => {
   expect(names("set baud")).toEqual(["SetBaudrate"]);
   expect(names("profile baud")).toEqual([]);

@@ -13,6 +13,7 @@ interface Found {
 }
 
 interface Entry extends Found {
+  readonly isDeprecated: boolean;
   readonly texts: readonly (readonly [weight: number, text: string, field: string, at: string])[];
 }
 
@@ -33,6 +34,7 @@ export function indexOf(forms: Forms): Index {
     group: row.group,
     field: "",
     at: "",
+    isDeprecated: /\bdeprecated\b/i.test(row.doc),
     texts: [
       [8, fold(row.title), "", ""],
       [7, fold(row.name), "", ""],
@@ -115,7 +117,7 @@ function fold(text: string): string {
     .toLowerCase();
 }
 
-/** Results, best first. Every word must match, directly or by the documents' word; a setting ranks above the command that writes it. */
+/** Results, best first, in three parts: settings that match by a name, others, deprecated ones. Every word must match, directly or by the documents' word. */
 export function search(index: Index, query: string): readonly Found[] {
   const [own = "", ...others] = meanings(query);
   const found = new Map<string, readonly [Found, number]>();
@@ -134,6 +136,10 @@ export function search(index: Index, query: string): readonly Found[] {
 
 /** Penalty of a match by other words than those typed. */
 const OTHER_WORDS = 4;
+/** Of a match in a description, and less than that of a name. */
+const DESCRIPTION = 2;
+/** More than any score. */
+const PART = 1000;
 
 function scored(index: Index, query: string): readonly (readonly [Found, number])[] {
   const words = [...new Set(query.trim() === "" ? [] : typedWords(query))];
@@ -141,7 +147,9 @@ function scored(index: Index, query: string): readonly (readonly [Found, number]
   return index.flatMap((entry) => {
     const hits = words.map((word) => best(entry, word));
     if (hits.some((hit) => hit === undefined)) return [];
-    const score = hits.reduce((sum, hit) => sum + (hit?.score ?? 0), 0) + (entry.kind === "setting" ? 4 : 0);
+    const isNamed = hits.every((hit) => (hit?.weight ?? 0) > DESCRIPTION);
+    const part = entry.isDeprecated ? -PART : entry.kind === "setting" && isNamed ? PART : 0;
+    const score = hits.reduce((sum, hit) => sum + (hit?.score ?? 0), part);
     const { kind, name, title, group } = entry;
     const inside = hits.find((hit) => hit?.field);
     return [[{ kind, name, title, group, field: inside?.field ?? "", at: inside?.at ?? "" }, score] as const];
@@ -156,17 +164,21 @@ function typedWords(query: string): readonly string[] {
     .flatMap((word) => (/^0x[0-9a-f]+$/i.test(word) ? [word.toLowerCase()] : fold(word).trim().split(/\s+/)));
 }
 
-function best(
-  { texts }: Entry,
-  word: string,
-): { readonly score: number; readonly field: string; readonly at: string } | undefined {
-  let found: { score: number; field: string; at: string } | undefined;
+interface Hit {
+  readonly weight: number;
+  readonly score: number;
+  readonly field: string;
+  readonly at: string;
+}
+
+function best({ texts }: Entry, word: string): Hit | undefined {
+  let found: Hit | undefined;
   for (const [weight, text, field, at] of texts) {
     const place = text.indexOf(word);
     if (place < 0) continue;
     const begins = place === 0 || text[place - 1] === " ";
     const score = weight + (begins ? 3 : 0);
-    if (found === undefined || score > found.score) found = { score, field, at };
+    if (found === undefined || score > found.score) found = { weight, score, field, at };
   }
   return found;
 }

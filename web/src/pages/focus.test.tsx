@@ -35,6 +35,7 @@ const OPENED_BY_A_PERSON = [
   "../ui/controls/dialog.tsx",
   "../ui/controls/search-field.tsx",
   "../workspace/arrange.tsx",
+  "../workspace/tile-grip.tsx",
 ];
 /** Only after a press of this very page, and never on a button (below). */
 const OF_THE_WRITER = ["./configure/apply-bar.tsx", "./configure/rollback-banner.tsx"];

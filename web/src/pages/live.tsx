@@ -100,7 +100,9 @@ function Centre({ app }: { readonly app: App }) {
     <MainColumn
       app={app}
       deps={app}
-      mountPlots={(host) => mountStack(host, app)}
+      mountPlots={(host, tile) =>
+        mountStack(host, { store: app.store, viewState: app.viewState, open: app.open, ...tile })
+      }
       under={
         <>
           <Slot key={device.id} name="underPlots" with={underPlots(app)} />

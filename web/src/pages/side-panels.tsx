@@ -11,7 +11,7 @@ import { ArrangeButton } from "../workspace/arrange";
 import { Divider } from "../workspace/divider";
 import { HEIGHT, setHeight, setSize, SIDE_WIDTH } from "../data/layout";
 import { PanelHead } from "../workspace/panel-head";
-import { panelsHere } from "../workspace/panels";
+import { panelsHere, panelsOf } from "../workspace/panels";
 import { sessionOf, type WorkspaceSession } from "../workspace/session";
 import { TEXT } from "../texts/live";
 import { TEXT as WORKSPACE } from "../texts/workspace";
@@ -111,7 +111,7 @@ function ColumnPanel({ session, panel, deps, below = false, folds }: ColumnPanel
       data-panel={panel.id}
       style={height === undefined ? {} : { height: `${height}px` }}
     >
-      <PanelHead panel={panel} caption={caption}>
+      <PanelHead panel={panel} session={session} all={panelsOf(deps)} caption={caption}>
         {!below && <span class="grow" />}
         {folds && <FoldButton app={folds} />}
       </PanelHead>

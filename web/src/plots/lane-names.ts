@@ -9,7 +9,6 @@ import {
   type Lane,
   LANE_PX,
   lanesOf,
-  roomFor,
   laneLossWords,
   stateAt,
   bitStateWords,
@@ -19,14 +18,15 @@ import { TEXT } from "../texts/plots";
 
 export class LaneNames {
   lanes: readonly Lane[] = [];
-  /** The explaining line; always there, so that nothing moves when its text changes. */
+  /** The explaining line; over what is above the lanes, so that it needs no room and nothing moves. */
   readonly say = el("p", { class: "lane-description dim ellipsis", "aria-live": "polite" });
   readonly #box: HTMLElement;
   readonly #list = el("div", { class: "lane-names" });
   /** Number of hidden lanes of interest; all may be requested. */
   #others = 0;
-  /** Rows kept for lanes. */
+  /** The most rows that these channels have needed: a lane that goes moves nothing. */
   #room = 0;
+  #channels: readonly Channel[] = [];
   #all: boolean;
   #redo: () => void;
   /** Lane being explained: 0 is the loss lane, undefined none. */
@@ -47,12 +47,14 @@ export class LaneNames {
   }
 
   /** Set the lanes of interest; true if their number changed. */
-  choose(channels: readonly Channel[], absent: readonly string[] = []): boolean {
+  choose(channels: readonly Channel[], absent: readonly string[] = [], isLive = true): boolean {
     const found = lanesOf(channels, absent);
-    const first = firstLanes(found);
+    const first = firstLanes(found, isLive);
     const next = inPlace(this.lanes, this.#all ? found : first);
-    const room = roomFor(channels, next);
     const others = found.length - first.length;
+    const rows = next.length + (others > 0 ? 1 : 0);
+    const room = channels === this.#channels ? Math.max(rows, this.#room) : rows;
+    this.#channels = channels;
     const same = others === this.#others && room === this.#room && next.length === this.lanes.length;
     [this.#others, this.#room] = [others, room];
     if (same && next.every(({ key }, k) => key === this.lanes[k]?.key)) return false;
@@ -62,8 +64,7 @@ export class LaneNames {
   }
 
   #write(): void {
-    const rows = Math.max(this.lanes.length + (this.#others > 0 ? 1 : 0), this.#room) + 1;
-    this.#box.style.height = `${rows * LANE_PX}px`;
+    this.#box.style.height = `${(this.#room + 1) * LANE_PX}px`;
     const names = [COMMON.loss, ...this.lanes.map(({ name }) => name)];
     this.#list.replaceChildren(
       ...names.map((name, k) => {

@@ -12,8 +12,20 @@ import "./plot-grips.css";
 /** A press on the title that moved less than this moves nothing, px. */
 const CLICK_PX = 5;
 
+/** Follows a plot that is dragged; true where it would leave its tile. */
+export type DragOut = (key: string) => {
+  readonly move: (to: PointerEvent) => boolean;
+  /** True if it has left. */
+  readonly drop: (isDropped: boolean) => boolean;
+};
+
 /** @param all the plots on screen, in their order */
-export function addGrips(plot: Plot, { plotOrder }: Pick<ViewState, "plotOrder">, all: () => readonly Plot[]): void {
+export function addGrips(
+  plot: Plot,
+  { plotOrder }: Pick<ViewState, "plotOrder">,
+  all: () => readonly Plot[],
+  dragOut?: DragOut,
+): void {
   const { root, spec, legend } = plot;
   const edge = el("div", { class: "plot-edge", title: TEXT.heightHint });
   root.append(edge);
@@ -34,14 +46,19 @@ export function addGrips(plot: Plot, { plotOrder }: Pick<ViewState, "plotOrder">
   title.title = [title.title, TEXT.moveHint].filter(Boolean).join("\n");
   hold(title, (from) => {
     let at: number | undefined;
+    const out = dragOut?.(spec.key);
     const mark = (to: Plot | undefined, side: "before" | "after"): void => {
       for (const one of all()) one.root.classList.remove("drop-before", "drop-after");
       to?.root.classList.add(`drop-${side}`);
     };
     return {
       move(to) {
-        if (at === undefined && Math.abs(to.clientY - from.clientY) < CLICK_PX) return;
+        if (at === undefined && Math.hypot(to.clientX - from.clientX, to.clientY - from.clientY) < CLICK_PX) return;
         root.classList.add("dragged");
+        if (out?.move(to)) {
+          at = undefined;
+          return mark(undefined, "before");
+        }
         const others = all().filter((one) => one !== plot);
         const below = others.findIndex((one) => {
           const { top, height } = one.root.getBoundingClientRect();
@@ -53,6 +70,7 @@ export function addGrips(plot: Plot, { plotOrder }: Pick<ViewState, "plotOrder">
       drop(isDropped) {
         root.classList.remove("dragged");
         mark(undefined, "before");
+        if (out?.drop(isDropped)) return;
         const keys = all().map((one) => one.spec.key);
         if (isDropped && at !== undefined) plotOrder.value = movedTo(plotOrder.peek(), keys, spec.key, at);
       },

@@ -14,7 +14,7 @@
  * never in between, so a frame causes no reflow.
  */
 import { computed, effect } from "@preact/signals";
-import type { Channel } from "../data/channels";
+import { sampledSpan, type Channel } from "../data/channels";
 import type { Store } from "../data/store";
 import type { ViewState } from "../data/view-state";
 import type { CustomPlot, PlotOrder, Reads, PlotSpec, Series } from "../data/view";
@@ -35,8 +35,8 @@ import { onLook, palette, type Palette, CanvasLayer } from "./canvas-style";
 import { MoreQuantities } from "./more-quantities";
 import { Plot } from "./plot";
 import type { MarkLayer } from "./plot-additions";
-import { addGrips } from "./plot-grips";
-import { heightOf, inOrder } from "../data/plot-order";
+import { addGrips, type DragOut } from "./plot-grips";
+import { heightOf, inOrder, PLOTS_TILE, tileOf } from "../data/plot-order";
 import { protocolAmong } from "../wire/capabilities";
 import { plain, usualPlots, sameSeries } from "../signals/plot-selection";
 import { timeWindow, type TimeWindow } from "./time-window";
@@ -54,14 +54,16 @@ export interface StackDeps {
   readonly bounds?: () => { readonly first: number; readonly last: number };
   /** Markers to draw; default: those among the store's events. */
   readonly markers?: () => readonly MarkLine[];
+  /** The tile whose plots these are; default: of those without a tile of their own, with lanes and memory strip under them. */
+  readonly tile?: string;
+  /** Follows a plot that is dragged out of its tile. */
+  readonly dragOut?: DragOut;
   /** Opens the tree of all signals, and the frame of a sample. */
   readonly open?: Pick<Openers, "signals"> & Partial<Pick<Openers, "packet" | "dialog">>;
 }
 
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
-/** A longer title reaches the tick labels, px from the left. */
-const TITLE_PX = 126;
 
 class Stack implements Panel {
   readonly #store: Store;
@@ -88,7 +90,11 @@ class Stack implements Panel {
   readonly #stripDue = throttle(4);
   readonly #stamps = new Map<string, string>();
   readonly #seen: IntersectionObserver;
+  readonly #tile: string;
+  readonly #dragOut: DragOut | undefined;
   #plots: Plot[] = [];
+  /** Those of all tiles. */
+  #all: readonly PlotSpec[] = [];
   #specs: readonly PlotSpec[] = [];
   #channels: readonly Channel[] = [];
   #look: Palette;
@@ -107,7 +113,10 @@ class Stack implements Panel {
   readonly #openPacket: Openers["packet"] | undefined;
   readonly #openDialog: Openers["dialog"] | undefined;
 
-  constructor(host: HTMLElement, { store, viewState, reads = (channel) => channel, bounds, markers, open }: StackDeps) {
+  constructor(host: HTMLElement, deps: StackDeps) {
+    const { store, viewState, reads = (channel) => channel, bounds, markers, open, tile = PLOTS_TILE, dragOut } = deps;
+    this.#tile = tile;
+    this.#dragOut = dragOut;
     this.#markers = markers ?? markersOf(store, viewState);
     this.#layers = fromExtensions("plotMarks").map((marks) => marks(store, viewState));
     this.#openPacket = open?.packet;
@@ -125,6 +134,7 @@ class Stack implements Panel {
     });
     const axis = el("div", { class: "axis" }, this.#axis.canvas);
     const over = el("div", { class: "history-strip" }, this.#over.canvas);
+    if (!this.#isFirst) for (const part of [this.#more.root, this.#lanesHost, over]) part.hidden = true;
     this.#root.append(this.#more.root, this.#lanesHost, axis, over, this.#glass.canvas);
     host.append(this.#root);
     this.#look = palette(this.#root);
@@ -137,6 +147,10 @@ class Stack implements Panel {
     this.#watch();
   }
 
+  get #isFirst(): boolean {
+    return this.#tile === PLOTS_TILE;
+  }
+
   #watch(): void {
     const relook = (): void => {
       this.#theme += 1;
@@ -144,6 +158,7 @@ class Stack implements Panel {
     };
     const { device } = this.#state;
     const order = computed(() => this.#state.plotOrder.value.order);
+    const tiles = computed(() => this.#state.plotOrder.value.tiles);
     this.#stops.push(
       onLook(this.#root, relook),
       listen(this.#root, this.#state, {
@@ -158,28 +173,28 @@ class Stack implements Panel {
       }),
       effect(() => {
         const { extraPlots, customPlots } = this.#state;
-        void order.value;
+        void [order.value, tiles.value];
         this.#choose(this.#store.channels.value, device.value, extraPlots.value, customPlots.value);
       }),
       effect(() => this.#size(this.#state.plotOrder.value)),
       effect(() => {
-        this.#lanesHost.hidden = this.#state.layout.value.panels["lanes"]?.shown === true; // a panel has them
+        this.#lanesHost.hidden = !this.#isFirst || this.#state.layout.value.panels["lanes"]?.shown === true; // a panel has them
         this.#layoutDue = true;
       }),
       effect(() => {
         for (const plot of this.#plots) plot.legend.show(this.#state.hiddenSeries.value);
       }),
     );
+    if (!this.#isFirst) return;
     this.#state.actions.attachPlots({
       now: () => this.#now(),
       bounds: () => this.#bounds(),
       step: (t, steps) => this.#step(t, steps),
       nearest: (t) => this.#nearest(t),
       bytes: (t) => this.#bytes(t),
-      plots: () => this.#plots.map(({ spec }) => spec),
-      series: () => this.#plots.flatMap(({ spec }) => plain(spec)),
-      beside: (key) =>
-        this.#plots.filter(({ spec }) => spec.series.some((one) => one.key === key)).flatMap(({ spec }) => plain(spec)),
+      plots: () => this.#all,
+      series: () => this.#all.flatMap(plain),
+      beside: (key) => this.#all.filter(({ series }) => series.some((one) => one.key === key)).flatMap(plain),
     });
   }
 
@@ -194,7 +209,9 @@ class Stack implements Panel {
     const protocol = protocolAmong(this.#store.devices.peek(), device);
     this.#specs = usualPlots(this.#channels, protocol?.plots);
     const chosen = this.#specs.filter(({ primary, key }) => primary !== extra.has(key));
-    const wanted = inOrder(withCustomPlots(chosen, custom, channels, device), this.#state.plotOrder.peek());
+    const of = this.#state.plotOrder.peek();
+    this.#all = inOrder(withCustomPlots(chosen, custom, channels, device), of);
+    const wanted = this.#all.filter(({ key }) => tileOf(of, key) === this.#tile);
     const before = this.#plots;
     this.#plots = wanted.map((spec) => before.find((plot) => sameSeries(plot.spec, spec)) ?? this.#plot(spec));
     for (const plot of before) {
@@ -208,7 +225,7 @@ class Stack implements Panel {
     }
     this.#hideNorms();
     this.#size(this.#state.plotOrder.peek());
-    this.#more.offer(this.#specs, extra);
+    if (this.#isFirst) this.#more.offer(this.#specs, extra);
     this.#lanes.keep(this.#channels);
     this.#strip.follow(this.#specs[0]);
     this.#theme += 1;
@@ -226,7 +243,7 @@ class Stack implements Panel {
       remove: spec.custom === undefined ? undefined : remove,
       menu: (series) => this.#menu(series),
     });
-    addGrips(plot, this.#state, () => this.#plots);
+    addGrips(plot, this.#state, () => this.#plots, this.#dragOut);
     return plot;
   }
 
@@ -358,7 +375,7 @@ class Stack implements Panel {
   /** Twice a second: choose the lanes, update screen readers. */
   #slowly(): void {
     const absent = this.#store.devices.peek().find(({ id }) => id === this.#channels[0]?.info.device)?.absent;
-    if (this.#names.choose(this.#channels, absent)) this.#layoutDue = true;
+    if (this.#names.choose(this.#channels, absent, this.#whole === undefined)) this.#layoutDue = true;
     const reading = this.#state.actions.cursorTime();
     const { span, live } = this.#state.view.peek();
     const where = live ? TEXT.lastSeconds(span) : TEXT.secondsUntil(span, clock(this.#state.view.peek().end));
@@ -377,8 +394,9 @@ class Stack implements Panel {
     for (const plot of this.#plots) {
       plot.top = plot.root.offsetTop;
       plot.sheet.resize(width, plot.root.clientHeight);
-      plot.wideTitle = titleEnd(plot) > TITLE_PX;
+      plot.measureTitle();
     }
+    this.#ask();
     const box = (sheet: CanvasLayer): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
     [this.#lanesSheet, this.#axis, this.#over].forEach(box);
     const panes = this.#plots.map((plot) => ({
@@ -396,6 +414,20 @@ class Stack implements Panel {
     this.#theme += 1; // a resized canvas is blank
   }
 
+  /** Ask for the room that the plots need beside lanes, axis and memory strip. */
+  #ask(): void {
+    if (!this.#isFirst) return;
+    const under = [this.#more.root, this.#lanesHost, this.#axis.canvas.parentElement, this.#over.canvas.parentElement];
+    const rest = under.reduce((sum, part) => sum + (part?.offsetHeight ?? 0), 0);
+    const order = this.#state.plotOrder.peek();
+    const sizes = this.#plots.map(({ spec, least }) => heightOf(order, spec.key) ?? least);
+    const least = rest + (this.#plots.length > 0 ? Math.max(...this.#plots.map((plot) => plot.least)) : 0);
+    const height = rest + sizes.reduce((sum, px) => sum + px, 0);
+    const { plotsWish } = this.#state;
+    const next = { height, least, grows: true, keys: this.#all.map(({ key }) => key) };
+    if (JSON.stringify(next) !== JSON.stringify(plotsWish.peek())) plotsWish.value = next;
+  }
+
   /** Last arrival from the device, if it or the server is gone. A file that has ended is not gone, nor is a device that was never here. */
   #lostSince(device: string): number | undefined {
     const status = this.#store.devices.peek().find(({ id }) => id === device)?.status;
@@ -411,18 +443,12 @@ class Stack implements Panel {
 
   #bounds(): { readonly first: number; readonly last: number } | undefined {
     if (this.#whole) return this.#whole();
-    let [first, last] = [Infinity, -Infinity];
-    for (const { ring } of this.#channels) {
-      if (ring.length === 0) continue;
-      first = Math.min(first, ring.time(0));
-      last = Math.max(last, ring.time(ring.length - 1));
-    }
-    return first <= last ? { first, last } : undefined;
+    return sampledSpan(this.#channels);
   }
 
   /** The sample `steps` on from t, of the first channel. */
   #step(t: number, steps: number): number | undefined {
-    const channel = this.#plots[0]?.spec.series[0]?.channel;
+    const channel = this.#all[0]?.series[0]?.channel;
     const ring = channel && this.#reads(channel, t).ring;
     const base = this.#state.view.peek().timeBase;
     if (ring === undefined || ring.length === 0) return undefined;
@@ -465,11 +491,6 @@ class Stack implements Panel {
     this.#seen.disconnect();
     this.#root.remove();
   }
-}
-
-function titleEnd({ legend }: Plot): number {
-  const title = legend.root.querySelector("b");
-  return title === null ? 0 : title.offsetLeft + title.offsetWidth;
 }
 
 export const mountStack = (host: HTMLElement, deps: StackDeps): Panel => new Stack(host, deps);

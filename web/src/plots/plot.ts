@@ -27,6 +27,10 @@ import { TEXT } from "../texts/plots";
 const LEGEND_HEIGHT = 26;
 /** Height of a row of the legend beside a plot, and of its title, px. */
 const [ROW_PX, ROOM_PX] = [15.5, 26];
+/** A plot is no lower, px: under that a curve is not read any more. */
+const LEAST_PX = 104;
+/** A longer title reaches the tick labels, px from the left. */
+const TITLE_END_PX = 126;
 const LINE_PX = 1.15;
 /** Least distance of letters at the right end and of tick labels, px. */
 const LETTERS_APART = 11.5;
@@ -56,6 +60,8 @@ export class Plot {
   readonly left: ValueAxis;
   /** Of the second unit. */
   readonly right: ValueAxis | undefined;
+  /** Least height with its legend in sight, px. */
+  readonly least: number;
   readonly #rings: readonly Ring[];
   #shown: readonly Shown[] = [];
   #hidden: ReadonlySet<string> | undefined;
@@ -75,14 +81,13 @@ export class Plot {
     this.legend = new Legend(spec, toggle, actions);
     const unit = spec.unit === "" ? "" : TEXT.inUnit(spec.unit);
     const canvas = el("canvas", { role: "img", "aria-label": TEXT.plotOverTime(spec.title, unit) });
-    const kind = spec.weight < 0.7 ? "plot low" : "plot";
     this.left = new ValueAxis(spec, periodOf(spec.series.filter(({ isRight }) => !isRight)), state);
     this.right = spec.right && rightAxis(spec, spec.right, state);
     const gutters = [this.left.gutter, ...(this.right ? [this.right.gutter] : [])];
-    this.root = el("div", { class: kind, "data-key": spec.key }, this.legend.root, canvas, ...gutters);
+    this.root = el("div", { class: "plot", "data-key": spec.key }, this.legend.root, canvas, ...gutters);
     this.root.style.setProperty("--weight", String(spec.weight));
-    const least = Math.max(Math.round(40 + 32 * spec.weight), ROOM_PX + ROW_PX * legendRows(spec));
-    this.root.style.setProperty("--least", `${least}px`);
+    this.least = Math.max(LEAST_PX, ROOM_PX + ROW_PX * legendRows(spec));
+    this.root.style.setProperty("--least", `${this.least}px`);
     this.sheet = new CanvasLayer(canvas);
     this.#rings = [...new Set(spec.series.map(({ channel }) => channel.ring))];
   }
@@ -113,6 +118,12 @@ export class Plot {
     this.#legendHeight = height;
     this.root.style.setProperty("--legend-h", `${height}px`);
     return true;
+  }
+
+  /** Note whether the title reaches the tick labels. */
+  measureTitle(): void {
+    const title = this.legend.root.querySelector("b");
+    this.wideTitle = title !== null && title.offsetLeft + title.offsetWidth > TITLE_END_PX;
   }
 
   /** Position of a value, CSS px from the plot's top. @param isRight on the right axis */

@@ -46,6 +46,8 @@ const maskOf = ({ low, width }: BitsInfo): number => (width >= 32 ? -1 : (1 << w
 const WANTED = /solution|fix|rtk|mode|filter|verified|interference/i;
 /** Number of lanes shown initially, if more are of interest. */
 const MAX_LANES = 8;
+/** As many while the page is lower than this, px, so that the plots have room; a player needs some of it for its transport. */
+const [LOW_PX, FEW_LANES, FEW_OF_PLAYER] = [1040, 4, 2];
 
 /** Rank of a bit group; undefined: of no interest so far. */
 function rankOf({ everSet, alwaysSet }: OrAnd, bits: BitsInfo): number | undefined {
@@ -115,26 +117,18 @@ function shortened(name: string, lanes: readonly Lane[]): string {
 }
 
 /** The lanes shown initially: all if they are few, else those that are wrong, set or changing. */
-export function firstLanes(lanes: readonly Lane[]): readonly Lane[] {
-  if (lanes.length <= MAX_LANES) return lanes;
+export function firstLanes(lanes: readonly Lane[], isLive: boolean): readonly Lane[] {
+  const most = innerHeight >= LOW_PX ? MAX_LANES : isLive ? FEW_LANES : FEW_OF_PLAYER;
+  // one that would stand alone behind a button stands in its place
+  if (lanes.length <= most + 1) return lanes;
   const wrong = lanes.filter(({ rank }) => rank <= 1).length;
-  return lanes.slice(0, Math.max(MAX_LANES, wrong)).filter(({ rank }) => rank < 5);
+  return lanes.slice(0, Math.max(most, wrong)).filter(({ rank }) => rank < 5);
 }
 
 /** Keep the place of present lanes; new ones are added below, so that a flag raised for the first time moves no other. */
 export function inPlace(before: readonly Lane[], next: readonly Lane[]): readonly Lane[] {
   const stays = before.flatMap(({ key }) => next.find((lane) => lane.key === key) ?? []);
   return [...stays, ...next.filter((lane) => !stays.includes(lane))];
-}
-
-/** Rows reserved for lanes: the present ones, and those that a warning or an error would add initially. */
-export function roomFor(channels: readonly Channel[], lanes: readonly Lane[]): number {
-  const warning = channels.flatMap(({ info }) =>
-    info.kind === "status" ? info.columns.flatMap(({ bits }) => bits.filter(({ severity }) => severity !== "")) : [],
-  );
-  const coming = new Set(warning.map(({ name }) => name));
-  for (const { bits } of lanes) coming.delete(bits.name);
-  return Math.max(lanes.length, Math.min(MAX_LANES, lanes.length + coming.size));
 }
 
 /** Whether that state is to be highlighted. */

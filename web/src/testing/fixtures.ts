@@ -74,6 +74,7 @@ export function field(part: Partial<FieldForm> = {}): FieldForm {
     length: 0,
     max_length: 0,
     axes: [],
+    frame: "",
     choices: {},
     bits: [],
     fields: [],
@@ -139,6 +140,7 @@ export function forms(part: Partial<Forms> = {}): Forms {
     commands: [],
     corrections: false,
     factory: false,
+    axes: "FLU",
     note: "",
     ...part,
   };

@@ -23,6 +23,13 @@ const PLOTS = ["Position/ECEF", "Pressure", "Temperature"];
 
 const CUSTOM = ["1/Acceleration/x,2/Acceleration/x", "@1/Pressure,1/Free%20acceleration/z", "1.102/a%2Fb/y"];
 const PANELS = ["attitude", "events", "health", "values", "lanes", "track", "analysis", "spectrum", "allan"];
+const TILES = [
+  { along: "row", parts: ["plots", "allan"], shares: [2, 1] },
+  {
+    along: "column",
+    parts: ["attitude", { along: "row", parts: ["plots", { along: "column", parts: ["track", "xy"] }] }],
+  },
+];
 const AREAS = ["main", "side", "below"];
 
 function randomLayout(next: Random): Record<string, unknown> {
@@ -39,6 +46,7 @@ function randomLayout(next: Random): Record<string, unknown> {
     ...(chosen.length > 0 ? { panels: Object.fromEntries(chosen) } : {}),
     ...(order.length > 0 ? { order: Object.fromEntries(order) } : {}),
     ...(next() < 0.5 ? { maximised: oneOf(next, PANELS) } : {}),
+    ...(next() < 0.5 ? { tiles: oneOf(next, TILES) } : {}),
     belowHeight: 60 + Math.floor(next() * 500),
     sideWidth: 240 + Math.floor(next() * 400),
   };
@@ -53,6 +61,7 @@ const ORDERS = [
   { order: ["Temperature", "Acceleration", "custom:p1"], heights: { Acceleration: 200, Temperature: 40 } },
   { heights: { "Position/ECEF": 333 } },
   { order: ["Pressure"] },
+  { tiles: { Acceleration: "plots/2" } },
 ];
 
 export function randomParts(next: Random): Record<string, unknown> {

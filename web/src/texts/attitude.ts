@@ -2,6 +2,11 @@
 import type { Value } from "../wire/texts";
 
 export const TEXT = {
+  // alignment
+  sensorTurned: (roll: Value, pitch: Value, yaw: Value) => `Sensor turned: roll ${roll}°, pitch ${pitch}°, yaw ${yaw}°`,
+  sensorAxes: "Axes of the sensor in colour, aligned axes in grey",
+  noRotation: "These numbers are no rotation: the squares of a quaternion add up to 1.",
+
   // panel
   payloadsUndefined: "Its payloads are not defined. See Raw payloads beside the plots.",
   noOrientation: "No orientation data",

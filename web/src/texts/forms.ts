@@ -3,6 +3,16 @@ import { count } from "./plural";
 import type { Value } from "../wire/texts";
 
 export const TEXT = {
+  // alignment
+  angles: "Roll, pitch, yaw",
+  anglesHelp: "The same rotation as angles: about z, then y, then x.",
+  rollAxis: "roll",
+  pitchAxis: "pitch",
+  yawAxis: "yaw",
+  upright: "Upright",
+  upsideDown: "Upside down",
+  mountedAs: "Sensor is mounted",
+
   // add device
   example: (text: Value) => `Example: ${text}.`,
   no: "No",

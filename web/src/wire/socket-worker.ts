@@ -130,7 +130,7 @@ function subscribe(hello: Extract<ServerText, { op: "hello" }>): void {
   historyComplete = false;
   post({ kind: "subscribed", fresh });
   if (interval > 0) send({ op: "interval", s: interval });
-  send({ op: "subscribe", history: Math.max(0, Math.min(most, missed)), channels: null });
+  send({ op: "subscribe", history: Math.max(0, Math.min(most, missed)), channels: null, units: "shown" });
 }
 
 function onText(data: string): void {

@@ -22,10 +22,12 @@ async function arranging() {
   return page;
 }
 
-it("the default page has no tools of arranging", async () => {
+it("the default page has no tools of arranging, but the line between two tiles", async () => {
   await openPage(recorded("xbus"));
   await waitFor(() => expect(panels()).toEqual(DEFAULT));
-  expect(screen.queryAllByRole("separator")).toEqual([]);
+  expect(screen.queryAllByRole("separator").map((one) => one.getAttribute("aria-label"))).toEqual([
+    TEXT.heightOf("Attitude"),
+  ]);
   expect(screen.queryByRole("dialog")).toBeNull();
 });
 
@@ -62,8 +64,9 @@ it("dividers are moved by the arrow keys within their limits, and Enter gives th
   fireEvent.keyDown(divider, { key: "Enter" });
   expect(app.viewState.layout.value.sideWidth).toBeUndefined();
   const height = screen.getByRole("separator", { name: TEXT.heightOf("Attitude") });
+  const before = Number(height.getAttribute("aria-valuenow"));
   fireEvent.keyDown(height, { key: "ArrowDown" });
-  expect(app.viewState.layout.value.panels["attitude"]).toEqual({ height: 160 }); // every element is 150 px high here
+  expect(app.viewState.layout.value.panels["attitude"]).toEqual({ height: before + 10 });
   press("z", { ctrlKey: true });
   expect(app.viewState.layout.value.panels["attitude"]).toBeUndefined();
 });

@@ -13,9 +13,19 @@ import { Icon, type IconName } from "../ui/controls/icons";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/workspace";
 import { type Area, AREAS, DEFAULT_LAYOUT, inArea, isShown, maximise, moveBy, moveTo, show } from "../data/layout";
-import { panelsOf } from "./panels";
+import { isPlotsTile, panelsOf } from "./panels";
 import { sessionOf, type WorkspaceSession } from "./session";
-import { DEFAULT_ORDER, heightOf, movedTo, PLOT_HEIGHT, withHeight } from "../data/plot-order";
+import {
+  DEFAULT_ORDER,
+  heightOf,
+  inTile,
+  movedTo,
+  PLOT_HEIGHT,
+  PLOTS_TILE,
+  tileOf,
+  withHeight,
+} from "../data/plot-order";
+import { placePlot } from "./tile-grip";
 import type { PlotSpec } from "../data/view";
 
 interface Props {
@@ -74,7 +84,7 @@ function ArrangeSheet({ session, deps }: { readonly session: WorkspaceSession; r
         {AREAS.map((area) => (
           <AreaList key={area} session={session} area={area} all={all} panels={inArea(layout, area, all)} />
         ))}
-        <PlotList deps={deps} />
+        <PlotList session={session} deps={deps} all={all} />
         {hidden.length > 0 && <AreaList session={session} area="hidden" all={all} panels={hidden} />}
       </div>
       <div class="arrange-foot">
@@ -140,7 +150,7 @@ function placed(session: WorkspaceSession, panel: PanelDefinition, all: RowProps
 }
 
 const placesOf = ({ id, isWide }: PanelDefinition): readonly Place[] =>
-  id === "plots" ? ["main"] : isWide ? ["main", "hidden"] : [...AREAS, "hidden"];
+  isPlotsTile(id) ? ["main"] : isWide ? ["main", "hidden"] : [...AREAS, "hidden"];
 
 function Row({ session, panel, area, all, isFirst, isLast }: RowProps) {
   const places = placesOf(panel);
@@ -256,7 +266,11 @@ export function ArrangeButton({ app, deps, words = false }: Props & { readonly w
 /** A press changes the height by this, px. */
 const STEP_PX = 24;
 
-function PlotList({ deps: { store, viewState } }: { readonly deps: Deps }) {
+function PlotList({
+  session,
+  deps: { store, viewState },
+  all,
+}: Pick<RowProps, "session" | "all"> & { readonly deps: Deps }) {
   const { plotOrder, actions, customPlots, extraPlots, device } = viewState;
   void [store.channels.value, customPlots.value, extraPlots.value, device.value];
   const of = plotOrder.value;
@@ -284,6 +298,11 @@ function PlotList({ deps: { store, viewState } }: { readonly deps: Deps }) {
               <b class="ellipsis">{title}</b>
               {tool("up", TEXT.moveUp(title), k === 0, move(k - 1))}
               {tool("down", TEXT.moveDown(title), k === plots.length - 1, move(k + 1))}
+              {tileOf(of, key) === PLOTS_TILE
+                ? tool("side", TEXT.ownTile(title), plots.length < 2, () =>
+                    placePlot(session, key, { target: PLOTS_TILE, edge: "right" }, all),
+                  )
+                : tool("close", TEXT.backToPlots(title), false, () => (plotOrder.value = inTile(of, key, PLOTS_TILE)))}
               {tool("minus", TEXT.lower(title), (height ?? Infinity) <= PLOT_HEIGHT[0], () => size(plot, -1))}
               {tool("plus", TEXT.taller(title), (height ?? 0) >= PLOT_HEIGHT[1], () => size(plot, 1))}
               <Button

@@ -10,18 +10,19 @@ interface Props {
   readonly orientation: "vertical" | "horizontal";
   /** 1: what is sized lies before the divider; −1: after it. */
   readonly sign: 1 | -1;
-  /** What is sized, relative to the divider. */
-  readonly target: (divider: HTMLElement) => Element | null | undefined;
+  /** What is sized, relative to the divider; default: `size` is its size. */
+  readonly target?: (divider: HTMLElement) => Element | null | undefined;
   readonly limits: readonly [least: number, greatest: number];
   readonly size: number | undefined;
   readonly onSize: (px: number | undefined) => void;
+  readonly style?: Readonly<Record<string, string>>;
 }
 
-export function Divider({ label, orientation, sign, target, limits, size, onSize }: Props) {
+export function Divider({ label, orientation, sign, target, limits, size, onSize, style = {} }: Props) {
   const ref = useRef<HTMLDivElement>(null);
   const isVertical = orientation === "vertical";
   const now = (): number => {
-    const box = (ref.current && target(ref.current))?.getBoundingClientRect();
+    const box = (ref.current && target?.(ref.current))?.getBoundingClientRect();
     return box ? (isVertical ? box.width : box.height) : (size ?? limits[0]);
   };
   const onPointerDown = (event: PointerEvent): void => {
@@ -65,6 +66,7 @@ export function Divider({ label, orientation, sign, target, limits, size, onSize
       aria-valuenow={Math.round(size ?? now())}
       aria-valuetext={size === undefined ? undefined : `${size} px`}
       title={label}
+      style={style}
       tabIndex={0}
       onPointerDown={onPointerDown}
       onDblClick={() => onSize(undefined)}

@@ -183,7 +183,7 @@ registerPart<JsonObject>({
 
 function isOrder(json: Json): json is JsonObject {
   if (!isObject(json) || Object.keys(json).length === 0) return false;
-  const { order, heights, ...rest } = json;
+  const { order, heights, tiles, ...rest } = json;
   const isHeights = (of: Json): boolean =>
     isObject(of) &&
     isKeys(Object.keys(of)) &&
@@ -192,17 +192,24 @@ function isOrder(json: Json): json is JsonObject {
   return (
     Object.keys(rest).length === 0 &&
     (order === undefined || (isKeys(order) && order.length > 0)) &&
-    (heights === undefined || isHeights(heights))
+    (heights === undefined || isHeights(heights)) &&
+    (tiles === undefined ||
+      (isObject(tiles) && isKeys(Object.keys(tiles)) && Object.values(tiles).every((tile) => isKeys([tile]))))
   );
 }
 
 registerPart<JsonObject>({
   key: "plotOrder",
   read({ viewState: { plotOrder } }) {
-    const { order, heights } = plotOrder.peek();
-    if (order === undefined && heights === undefined) return undefined;
-    const sorted = heights && Object.fromEntries(Object.entries(heights).sort(([a], [b]) => (a < b ? -1 : 1)));
-    return { ...(sorted ? { heights: sorted } : {}), ...(order ? { order: [...order] } : {}) };
+    const { order, heights, tiles } = plotOrder.peek();
+    if (order === undefined && heights === undefined && tiles === undefined) return undefined;
+    const sorted = <T extends Json>(of: Readonly<Record<string, T>>): Record<string, T> =>
+      Object.fromEntries(Object.entries(of).sort(([a], [b]) => (a < b ? -1 : 1)));
+    return {
+      ...(heights ? { heights: sorted(heights) } : {}),
+      ...(order ? { order: [...order] } : {}),
+      ...(tiles ? { tiles: sorted(tiles) } : {}),
+    };
   },
   check: (json) => (isOrder(json) ? json : undefined),
   write: ({ viewState: { plotOrder } }, json) => void (plotOrder.value = (json as PlotOrder) ?? DEFAULT_ORDER),

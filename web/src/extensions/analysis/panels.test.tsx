@@ -59,8 +59,6 @@ it("a panel that is shown on request only is in the list, and is stored once it 
 
 it("an earlier workspace, with spectrum and Allan deviation in one panel, opens as it was", async () => {
   const { app } = await arranging();
-  const shared = TEXT.showPanel("Analysis");
-  expect(screen.queryByLabelText(shared)).toBeNull();
   const layout = {
     panels: { analysis: { shown: true, height: 500 }, xy: { shown: true } },
     order: { main: ["plots", "analysis", "xy"] },
@@ -73,7 +71,7 @@ it("an earlier workspace, with spectrum and Allan deviation in one panel, opens 
   );
   expect(problems).toEqual([]);
   await waitFor(() => expect(panels().slice(0, 3)).toEqual(["plots", "analysis", "xy"]));
-  expect(document.querySelector<HTMLElement>('[data-panel="analysis"]')?.style.height).toBe("500px");
+  expect(document.querySelector<HTMLElement>('[data-tile="analysis"]')?.style.height).toBe("500px");
   fireEvent.click(await screen.findByRole("button", { name: "Allan deviation" }, { timeout: 20_000 }));
   expect(await screen.findByLabelText("Motion")).toBeTruthy();
 });

@@ -36,6 +36,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
     hover: (path: string) => (model.hot.value = path),
     options: {},
     sought: route.value.place === form.name ? (route.value.more ?? "") : "",
+    axes: model.forms.value?.axes ?? "FLU",
     ports: [],
     epoch: 0,
   };

@@ -48,6 +48,35 @@ test("discarding all edits removes invalid text and its marks too", async () => 
   await gone(".apply-bar");
 });
 
+test("an alignment is edited as angles, turned over, or as its quaternion, in one step each", async () => {
+  await openConfigure("xbus", { place: "AlignmentRotation.RotSensor" });
+  const inputs = (place: string) => [...document.querySelectorAll<HTMLInputElement>(`${place} input`)];
+  const [q0, yaw] = ["[data-field=q0] input", ".angles label:last-child input"];
+  const quaternion = () => ["q0", "q1", "q2", "q3"].map((name) => Number(inputs(`[data-field=${name}]`)[0]?.value));
+  const angles = () => inputs(".angles").map(({ value }) => Number(value));
+  await until(".angles input");
+  type(find(yaw), "120");
+  await waitFor(() => expect(quaternion()).toEqual([0.5, 0, 0, 0.866]));
+  fireEvent.click(button("Upside down"));
+  await waitFor(() => expect(quaternion()).toEqual([0, 0.5, 0.866, 0]));
+  expect(button("Upside down").getAttribute("aria-pressed")).toBe("true");
+  fireEvent.click(button("Undo the last edit"));
+  await waitFor(() => expect(quaternion()).toEqual([0.5, 0, 0, 0.866]));
+  type(find(q0), "0.9");
+  await waitFor(() => expect(find(".angles figcaption").textContent).toMatch(/^These numbers are no rotation/));
+  fireEvent.click(button("Discard all"));
+  await gone(".apply-bar");
+  await waitFor(() => expect(angles()).toEqual([0, 0, 0]));
+});
+
+test("angles that the device stores have a picture and can be turned over, too", async () => {
+  await openConfigure("isb", { place: "DID_FLASH_CONFIG" });
+  await until("[data-field=insRotation] canvas");
+  fireEvent.click(find("[data-field=insRotation] .segmented button:last-child"));
+  const roll = () => (find("[data-field=insRotation] input") as HTMLInputElement).value;
+  await waitFor(() => expect(roll()).toBe("180"));
+});
+
 test("a load above the capacity is not written, and rates can be fitted", async () => {
   await openConfigure("xbus");
   const rate = (await until('tr[data-id="0x4020"] select')) as HTMLSelectElement;

@@ -129,6 +129,7 @@ export function sheetOf(model: Model, form: SettingForm): FormContext {
     hover: (path: string) => (model.hot.value = path),
     options: optionsOf(form, model.present.value),
     sought: route.value.place === form.name ? (route.value.more ?? "") : "",
+    axes: model.forms.value?.axes ?? "FLU",
     ports: inside(form.name, model.body.value?.ports ?? []),
     epoch: model.epochs.value[form.name] ?? 0,
   };

@@ -22,6 +22,8 @@ const LOSS_PX = 2;
 const FLAGS_PX = 18;
 const AXIS_PX = 20;
 const STATUS_PX = 12;
+/** Less room is one quantity's alone. */
+const LEAST_ROW_PX = 20;
 /** Steps between the marks of its axis, s. */
 const STEPS: readonly number[] = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400];
 /** A press that moved less than this selects no range, px. */
@@ -189,11 +191,12 @@ type At = (t: number) => number;
 function drawRows(
   x: X,
   look: Palette,
-  { rows, left, width, first, last, t0, t1 }: Scene,
+  { rows: all, left, width, first, last, t0, t1 }: Scene,
   top: number,
   bottom: number,
   at: At,
 ): void {
+  const rows = all.slice(0, Math.max(1, Math.floor((bottom - top) / LEAST_ROW_PX)));
   const tall = (bottom - top) / Math.max(1, rows.length);
   const step = width / STRIP_PARTS;
   const [a, b] = [at(t0), at(t1)];

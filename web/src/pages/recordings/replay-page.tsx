@@ -3,11 +3,12 @@ import { useEffect } from "preact/hooks";
 import { onFrame } from "../../data/render-loop";
 import { fromExtensions, Slot } from "../../extension/extension";
 import { placesOf } from "../../plots/markers";
-import { mountStack } from "../../plots/plot-stack";
+import { mountStack, type StackDeps } from "../../plots/plot-stack";
 import type { UnderPlots } from "../../plots/under-plots";
+import { PLOTS_TILE } from "../../data/plot-order";
 import { readPlace } from "../../page/permalink";
 import { bytes, dateWords, length, recordingTitle } from "../../recordings/library-filter";
-import type { Deps, App } from "../../page/context";
+import type { App } from "../../page/context";
 import { distinctName } from "../../wire/device-name";
 import type { DeviceInfo } from "../../wire/types";
 import type { ReplayController } from "../../recordings/replay-controller";
@@ -117,7 +118,7 @@ function Panels({ recording: { replay, app, deps } }: { readonly recording: Open
     <MainColumn
       app={app}
       deps={deps}
-      mountPlots={(host) => mountPlots(host, replay, deps)}
+      mountPlots={(host, tile) => mountPlots(host, replay, { open: deps.open, ...tile })}
       under={
         <>
           <Slot name="underPlots" with={underPlots(replay)} />
@@ -143,21 +144,21 @@ function underPlots(replay: ReplayController): UnderPlots {
   };
 }
 
-function mountPlots(host: HTMLElement, replay: ReplayController, deps: Pick<Deps, "open">): Panel {
+function mountPlots(host: HTMLElement, replay: ReplayController, deps: Partial<StackDeps>): Panel {
   const stack = mountStack(host, {
     store: replay.drawn,
     viewState: replay.viewState,
     reads: (channel, t) => replay.reads(channel, t),
     bounds: () => replay.bounds,
     markers: () => replay.markers.peek(),
-    open: deps.open,
+    ...deps,
   });
   const resized = new ResizeObserver(() => {
     const style = getComputedStyle(host);
     const of = (name: string): number => parseFloat(style.getPropertyValue(name)) || 0;
     replay.pixels = Math.max(200, host.clientWidth - of("--gutter-w") - of("--tail-w"));
   });
-  resized.observe(host);
+  if (deps.tile === PLOTS_TILE) resized.observe(host);
   return {
     update: (now) => stack.update(now),
     dispose() {
