@@ -9,10 +9,12 @@ import { leaves } from "../../data/tiles";
 import { panelsOf } from "../../workspace/panels";
 import { sessionOf } from "../../workspace/session";
 import { Button } from "../../ui/controls/button";
+import { Icon } from "../../ui/controls/icons";
+import type { RecordingInfo } from "../../wire/recording-types";
 import { IconButton } from "../../ui/controls/icon-button";
 import { late } from "../../ui/dom/late";
 import { COMMON } from "../../texts/common";
-import { compareView, isComparison } from "./compare/sides";
+import { compareView, comparisonHref, isComparison } from "./compare/sides";
 import { TEXT as COMPARE } from "./compare/texts";
 import { analysisPanel } from "./panel";
 import { TEXT } from "./texts";
@@ -89,6 +91,18 @@ function CompareRecordingButton({ recording }: Slots["recordingActions"]) {
   );
 }
 
+function CompareSelectedButton({ infos: [a, b, ...more] }: Slots["selectedRecordings"]) {
+  if (!a || !b || more.length > 0) return null;
+  const side = ({ id }: RecordingInfo) => ({ source: id, device: "" });
+  const place = comparisonHref({ a: side(a), b: side(b), signal: "", signalB: "" });
+  return (
+    <a class="btn edge" href={place} title={COMPARE.open}>
+      <Icon name="compare" />
+      {COMPARE.compare}
+    </a>
+  );
+}
+
 registerExtension({
   name: "analysis",
   panels: [
@@ -102,6 +116,7 @@ registerExtension({
     { slot: "barViews", order: 10, View: AnalysisButton },
     { slot: "barViews", order: 20, View: CompareButton },
     { slot: "recordingActions", order: 30, View: CompareRecordingButton },
+    { slot: "selectedRecordings", order: 10, View: CompareSelectedButton },
   ],
   keys: [
     {
