@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from imuscope.protocols.schema.units import Unit
 from imuscope.recordings.columns.units import UNITS, Units, described_in, scaled
-from imuscope.signals import Device, ImuscopeError, checked, choice, column_names
+from imuscope.signals import Device, ImuscopeError, checked, choice, column_names, frame_of
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -195,7 +195,7 @@ class Server:
             message=info["message"],
             columns=column_names(info),
             units=tuple(one["unit"] for one in columns),
-            frame=info["frame"],
+            frame=frame_of(info),
             kind=info["kind"],
             doc=info["doc"],
             channel=info["id"],

@@ -44,6 +44,7 @@ from imuscope.signals import (
     column_names,
     column_of,
     dataset,
+    frame_of,
     html_table,
     package,
 )
@@ -102,7 +103,7 @@ class Recording:
             message=info["message"],
             columns=column_names(info),
             units=tuple(one["unit"] for one in columns),
-            frame=info["frame"],
+            frame=frame_of(info),
             kind=info["kind"],
             doc=info["doc"],
             source=info["source"],

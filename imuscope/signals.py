@@ -124,7 +124,7 @@ class Signal:
         message: that carries it, "MTData2".
         columns: a name for each column, ("x", "y", "z").
         units: of each column; "" where it has none.
-        frame: of reference, "ENU from body"; "" where it has none or it is not known.
+        frame: of reference, "body", "ENU from body"; "" where it has none or it is not known.
         kind: "vector", "scalar", "quaternion", "status", "counter", "table" …
         doc: what it is; source: the section of the document.
         start, stop: rows of the recording.
@@ -374,6 +374,12 @@ def column_names(info: Mapping[str, Any]) -> tuple[str, ...]:
     """Names of a channel's columns: of angles "roll", of a vector "x"."""
     own = "name" if info["kind"] == "euler" else "axis"
     return tuple(one[own] or one["name"] for one in info["columns"])
+
+
+def frame_of(info: Mapping[str, Any]) -> str:
+    """Frame of reference of a channel: three axes without one are those of the body."""
+    is_body = info["kind"] == "vector" and [one["axis"] for one in info["columns"]] == ["x", "y", "z"]
+    return info["frame"] or ("body" if is_body else "")
 
 
 def _constant(values: NDArray[Any]) -> NDArray[Any]:

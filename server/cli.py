@@ -138,7 +138,7 @@ def _doctor(options: argparse.Namespace) -> int:
 
 
 def _inspect(options: argparse.Namespace) -> None:
-    path = readable(options.file)
+    path = readable(str(options.file))
     warn_if_interpreted(size_of(path))
     from imuscope.server.commands.inspect import inspect_file
 

@@ -10,8 +10,8 @@ Reading it takes some 30 ms, once.
 TOML would need its own rules for words, values, versions and units within its texts, as here, and be a fifth larger;
 tomllib alone takes 56 ms for it, which would be added to each start.
 
-Units: `unit=rad>°` means radians on the wire and degrees on display; CONVERSIONS has the factor. The vendor's full
-constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name labels the lanes.
+Units: `unit=rad>°` means radians on the wire and degrees on display; CONVERSIONS has the factor. Columns keep radians.
+The vendor's full constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name labels the lanes.
 """
 
 import math
@@ -162,6 +162,7 @@ class DatasetTable:
             dtype=NUMBERS.get(base, f"<{base}"),
             unit=shown or wire,
             scale=CONVERSIONS[wire, shown] if shown else 1.0,
+            sent_unit=wire if shown and wire.startswith("rad") else "",
             axes=axes,
             choices=self.choices.get(of, {}),
             bits=self.words.get(of, ()),
@@ -221,8 +222,8 @@ def as_written(row: Field) -> Field:
     parts = tuple(as_written(part) for part in row.fields)
     if row.scale == 1:
         return replace(row, fields=parts) if parts else row
-    unit = next(wire for (wire, shown), scale in CONVERSIONS.items() if (shown, scale) == (row.unit, row.scale))
-    return replace(row, unit=unit, scale=1.0, decimals=-1, period=0.0)
+    units = (wire for (wire, shown), scale in CONVERSIONS.items() if (shown, scale) == (row.unit, row.scale))
+    return replace(row, unit=next(units), scale=1.0, sent_unit="", decimals=-1, period=0.0)
 
 
 def _attributes(rest: list[str]) -> list[tuple[str, str, str]]:

@@ -102,7 +102,8 @@ def _unshown(field: Field, shown: Any) -> Any:
         return np.asarray(shown).tobytes().rstrip(b"\0").decode("latin-1")
     if field.dtype == "bytes":
         return np.asarray(shown).tobytes().hex()
-    wire = (np.asarray(shown) - field.bias) / field.scale if field.scale != 1 or field.bias else np.asarray(shown)
+    scale = 1.0 if field.sent_unit else field.scale
+    wire = (np.asarray(shown) - field.bias) / scale if scale != 1 or field.bias else np.asarray(shown)
     kind = np.dtype(field.dtype)
     numbers = (wire if kind.kind == "f" else np.rint(wire) if wire.dtype.kind == "f" else wire).astype(kind)
     return _spelled(field, numbers.reshape(-1).tolist() if field.shape else numbers.item())

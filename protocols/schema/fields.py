@@ -86,6 +86,7 @@ class Field:
         shape: () for a scalar, (3,) for a vector, (3, 3) for a matrix; -1 means "as many as the payload holds".
         unit: unit of the displayed value.
         scale, bias: displayed = wire × scale + bias.
+        sent_unit: that of the wire, if columns stay as sent and are multiplied by `scale` only where they are read.
         axes: one label per element ("x", "y", "z"; "roll", "pitch", "yaw"); empty for a scalar.
         choices: meaning of each value of an enumeration.
         bits: meaning of the bits of a flag word.
@@ -120,6 +121,7 @@ class Field:
     unit: str = ""
     scale: float = 1.0
     bias: float = 0.0
+    sent_unit: str = ""
     axes: tuple[str, ...] = ()
     choices: Mapping[int, str] = field(default_factory=lambda: NO_CHOICES)
     bits: tuple[Bits, ...] = ()

@@ -374,9 +374,14 @@ def to_native_order(field: Field) -> np.dtype[Any]:
         return np.dtype([(part.name, to_native_order(part), part.shape) for part in field.fields])
     if field.dtype == "ascii":
         return np.dtype("S1")
-    if field.dtype in _FIXED_POINT or field.scale != 1 or field.bias != 0:
+    if field.dtype in _FIXED_POINT or _column_scale(field) != 1 or field.bias != 0:
         return np.dtype(np.float64)
     return element(field).newbyteorder("=")
+
+
+def _column_scale(field: Field) -> float:
+    """Factor from the wire to the column: 1 where it stays as sent."""
+    return 1.0 if field.sent_unit else field.scale
 
 
 class _Conversion:
@@ -393,7 +398,7 @@ class _Conversion:
         self._field = field
         self._parts = [(part.name, _Conversion(part)) for part in field.fields]
         self.native = to_native_order(field)
-        is_number = field.dtype not in _FIXED_POINT and field.scale == 1 and field.bias == 0
+        is_number = field.dtype not in _FIXED_POINT and _column_scale(field) == 1 and field.bias == 0
         self.is_plain: bool = is_number and not field.column_major and all(part.is_plain for _, part in self._parts)
 
     def apply(self, wire: Array) -> Array:
@@ -411,7 +416,7 @@ class _Conversion:
             value = wire.astype(np.float64) * 2.0**-20
         else:
             value = wire.astype(self.native)
-        if field.scale != 1:
+        if _column_scale(field) != 1:
             parts = round(1 / field.scale) if 0 < field.scale < 1 else 0
             if parts and abs(parts * field.scale - 1) < 1e-12:
                 value /= parts  # 9999 hundredths are 99.99; times 0.01 gives 99.99000000000001

@@ -23,8 +23,9 @@ def free_path(path: Path) -> Path:
 def grouped_files(files: dict[Path, tuple[int, int]]) -> list[dict[Path, tuple[int, int]]]:
     """The files grouped by recording: the parts of a log in order, any other file alone."""
     groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
+    of_logs = vendor_logs.log_suffixes()
     for path in files:
-        name = vendor_logs.log_name(path) if path.suffix.lower() in vendor_logs.log_suffixes() else None
+        name = vendor_logs.log_name(path) if path.suffix.lower() in of_logs else None
         key = (name.stem if name is not None else path.name, path.suffix)
         groups.setdefault(key, []).append((name.part if name is not None else 0, path))
     return [{path: files[path] for _, path in sorted(group)} for group in groups.values()]

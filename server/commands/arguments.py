@@ -12,7 +12,7 @@ from imuscope.protocols.family.decode_options import DecodeOption, Scope
 from imuscope.protocols.family.plugins import protocol_names
 from imuscope.recordings.errors import near_miss
 from imuscope.recordings.optional_packages import installation_of
-from imuscope.server.commands.file_arguments import add_decode, add_format
+from imuscope.server.commands.file_arguments import add_decode, add_files, add_format
 from imuscope.server.commands.page_arguments import add_page_address
 from imuscope.server.devices.decode.decode_options import declared_options
 from imuscope.server.services.extension import absent_extensions, add_commands, extension_commands
@@ -245,7 +245,7 @@ def _add_doctor(add_parser: _AddParser) -> None:
 
 def _add_inspect(add_parser: _AddParser) -> None:
     command = add_parser("inspect", help="list the frames of a file, one per line")
-    command.add_argument("file", metavar="FILE", help='capture, recording or vendor log; "-" reads standard input')
+    add_files(command, has_titles=True)
     command.add_argument(
         "--direction",
         choices=("rx", "tx"),

@@ -63,6 +63,7 @@ SHOWN: Mapping[str, tuple[str, float, int]] = {
     "mm": ("m", 1e-3, -3),
     "mm/s": ("m/s", 1e-3, -3),
 }
+_FACTORS = {sent: factor for sent, (_, factor, _) in SHOWN.items()} | dict.fromkeys(("rad", "rad/s/°C"), 180 / np.pi)
 _MAX_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
 MAX_CHANNELS = 1000  # of one device; a vendor's tables give at most some 300
 
@@ -209,7 +210,7 @@ def _merged(parts: list[tuple[Array, list[Array]]]) -> tuple[list[Array], Array]
 
 def factors_of(info: ChannelInfo) -> tuple[float, ...]:
     """Factors from the columns as sent to those in the page's units; () if all are 1."""
-    factors = tuple(SHOWN[column.sent_unit][1] if column.sent_unit else 1.0 for column in info.columns)
+    factors = tuple(_FACTORS[column.sent_unit] if column.sent_unit else 1.0 for column in info.columns)
     return factors if {*factors} != {1.0} else ()
 
 
@@ -354,6 +355,7 @@ def _column(field: Field, name: str, dtype: Dtype, axis: Axis) -> ColumnInfo:
         name=name,
         dtype=dtype,
         unit=field.unit,
+        sent_unit=field.sent_unit,
         label=field.title if name in (field.name, "value") else "",
         axis=axis,
         choices={str(value): meaning for value, meaning in field.choices.items()},

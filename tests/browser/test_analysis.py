@@ -1,6 +1,6 @@
-"""The analysis dialog in a real browser, from recorded answers: its colours in both themes, its readings, and a phone.
+"""Analyses beside the plots in a real browser, from recorded answers: colours in both themes, readings, and a phone.
 
-What is asked of the server is tested without a browser, in web/src/extensions/analysis/dialog.test.tsx; the figures of
+What is asked of the server is tested without a browser, in web/src/extensions/analysis/view.test.tsx; the figures of
 a real server are shown in test_recordings.py.
 """
 
@@ -13,8 +13,8 @@ from tests.browser.page_checks import DESKTOP, PHONE, fits, press, serious, show
 from tests.browser.recorded.stories import Story
 from tests.support.chromium import until
 
-PLACE = "document.querySelector('dialog[open]')"
-CURVES = "document.querySelectorAll('dialog[open] path.trace').length"
+PLACE = "document.querySelector('[data-panel=analysis]')"
+CURVES = "document.querySelectorAll('[data-panel=analysis] path.trace').length"
 NUMBERS = [1, 2, 3, 4, 5]
 EDGES = """(() => {
   const stack = document.querySelector('.stack');
@@ -51,7 +51,7 @@ def figures(axis: str) -> dict[str, Any]:
 
 
 def test_figures_on_a_desktop_and_a_phone(open_page: Callable[..., Page]) -> None:
-    """And on a phone, where the dialog has room and a finger hits all of it."""
+    """And on a phone, where the panel has room and a finger hits all of it."""
     results = [figures(axis) for axis in "xyz"]
     with Story("xbus", answers={f"POST /api/analysis/{name}": results for name in ("psd", "allan")}) as story:
         page = story.open(open_page)

@@ -27,7 +27,8 @@ DRAWN = """window.imuscopeReplay?.drawn.channels.value.some(channel => channel.r
     && window.imuscopeReplay.near.channels.value.some(channel => channel.ring.length > 20)"""
 NOTES = "document.querySelector('[data-panel=notes]')"
 NOTES_TEXT = f"{NOTES}?.querySelector('.notes-text')?.innerText"
-CURVES = "document.querySelectorAll('dialog[open] path.trace').length"
+ANALYSIS = "document.querySelector('[data-panel=analysis]')"
+CURVES = "document.querySelectorAll('[data-panel=analysis] path.trace').length"
 FIRST = "document.querySelector('.recording-list tbody tr b a')"
 
 
@@ -223,10 +224,19 @@ def measure_the_whole(recorded: ServerProcess, page: Page) -> None:
 
 def analyse(recorded: ServerProcess, page: Page) -> None:
     """A spectrum in one action, and of an expression in one more."""
-    press(page, "a", f"{CURVES} === 3 && document.querySelector('dialog[open]').innerText.includes('at {RATE} Hz')")
+    press(
+        page,
+        "a",
+        f"{CURVES} === 3 && {ANALYSIS}.innerText.includes('at {RATE} Hz')",
+    )
     page.get_by_label("Signals or expressions").fill("norm(Acceleration) - 1 g")
     until(page, f"{CURVES} === 1")
-    click(page, "button", "Spectrogram", "document.querySelectorAll('dialog[open] .spectrogram > canvas').length > 0")
+    click(
+        page,
+        "button",
+        "Spectrogram",
+        f"{ANALYSIS}.querySelector('.spectrogram > canvas') !== null",
+    )
 
 
 def share_a_link(page: Page) -> None:

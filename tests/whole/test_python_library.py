@@ -331,6 +331,7 @@ def test_a_server_is_an_iterator(server: ServerProcess) -> None:
             if sum(map(len, batches)) > 20:
                 break
         assert {one.signal.name for one in batches} == {"RateOfTurn"}
+        assert {one.frame for one in live.signals if one.name in ("RateOfTurn", "Acceleration")} == {"body"}
         assert batches[0].signal.device.id in {one.id for one in live.devices}
         for batch in batches:
             assert batch.values.shape == (len(batch), 3)

@@ -219,7 +219,7 @@ def test_parts_merge_into_the_last_value(split: bool) -> None:
     alone = next(batch for batch in batches if "week" not in batch.columns)
     assert (len(alone), alone.time_ns) == (1, None)
     rows = [
-        (int(o), float(np.radians(b.columns["theta"][i][0])), int(b.columns["week"][i]))
+        (int(o), float(b.columns["theta"][i][0]), int(b.columns["week"][i]))
         for b in batches if "week" in b.columns
         for i, o in enumerate(b.offset.tolist())
     ]  # fmt: skip

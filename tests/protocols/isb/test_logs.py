@@ -110,7 +110,7 @@ def test_every_record_of_a_raw_log() -> None:
     for (_, batch, i), row in zip(found_rows, attitudes, strict=True):
         last.update(row["fields"])
         assert (batch.time_ns is None) == (row["offset"] > 0)
-        np.testing.assert_allclose(batch.columns["theta"][i], np.degrees(last["theta"]), rtol=1e-6)
+        np.testing.assert_allclose(batch.columns["theta"][i], last["theta"], rtol=1e-6)
         assert batch.columns["lla"][i].tolist() == pytest.approx(last["lla"], rel=1e-14)
     others = [row for row in expected if "did" not in row]
     texts = [event for event in events if isinstance(event, Text)]

@@ -21,7 +21,9 @@ RATE_OF_TURN = 0x8020
 MESSAGES: Mapping[str, Callable[[], Iterator[every_message.Case]]] = {
     "xbus": every_message.xbus,
     "idtp": every_message.idtp,
+    "isb": every_message.isb,
 }
+SENT = {"xbus": {"mm", "mm/s", "rad/s"}, "idtp": {"rad/s"}, "isb": {"rad", "rad/s"}}
 
 
 def sent(data: bytes) -> Array:
@@ -92,11 +94,14 @@ def test_every_converted_column_is_as_sent_in_the_units_of_the_device(family: st
                     np.testing.assert_array_equal(values, own)
                     continue
                 units.add(device.units[at])
+                if device.units[at].startswith("rad"):
+                    assert own.dtype in (np.float32, np.float64)
+                    np.testing.assert_array_equal(values, own * (180 / np.pi))
                 if device.units[at].startswith("mm"):
                     assert (own == np.rint(own)).all()
                     np.testing.assert_array_equal(values, own / 1000)
                     np.testing.assert_allclose(si.column(at), values)
-    assert units >= ({"mm", "mm/s", "rad/s"} if family == "xbus" else {"rad/s"})
+    assert units >= SENT[family]
 
 
 @each_row("units", UNITS)

@@ -21,6 +21,7 @@ from imuscope.protocols.idtp.frames import SAFETY, SECURE, build
 from imuscope.server import cli
 from imuscope.server.commands import arguments
 from imuscope.server.commands.completion import script
+from imuscope.server.commands.several_files import run_each
 from imuscope.server.devices.decode.decode_options import source_options
 from imuscope.server.errors import UsageError
 from imuscope.server.settings.config import setting_names
@@ -394,7 +395,7 @@ def test_inspect_names_a_file_that_cannot_be_read(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr("imuscope.server.commands.inspect.inspect_file", refuse)
     with pytest.raises(UsageError, match=rf"^{file}: permission denied$"):
-        cli._inspect(arguments.parse(["inspect", str(file)]))
+        run_each(cli._inspect, arguments.parse(["inspect", str(file)]))
 
 
 def test_decode_takes_a_part(tmp_path: Path) -> None:

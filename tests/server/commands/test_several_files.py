@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from imuscope.protocols.idtp.simulator import IdtpSimulator
 from imuscope.server.cli import main
 from tests.support.each_row import each_row
 
@@ -26,6 +27,17 @@ def printed(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     assert main(words) == 1
     return capsys.readouterr().err
+
+
+def test_frames_of_several_files_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, seconds in (("a", 1), ("b", 2)):
+        (tmp_path / f"{name}.bin").write_bytes(IdtpSimulator().advance(seconds * 100_000_000))
+    files = [str(tmp_path / "a.bin"), str(tmp_path / "b.bin")]
+    for words in (["--json"], ["--json", "--rejects"]):
+        alone = [printed(capsys, "inspect", file, *words) for file in files]
+        assert printed(capsys, "inspect", *files, *words) == "".join(alone)
+    alone = [f"{file}:\n{printed(capsys, 'inspect', file)}" for file in files]
+    assert printed(capsys, "inspect", *files) == "".join(alone)
 
 
 @each_row("words", [("analyse", "statistics"), ("time",)])

@@ -37,7 +37,7 @@ export const BAR_CLASS = {
 declare module "../extension/extension" {
   interface Slots {
     /** Buttons over plots: those of Live, or of an open recording. */
-    readonly barViews: { readonly app: App; readonly isLive: boolean };
+    readonly barViews: { readonly app: App; readonly deps: Deps; readonly isLive: boolean };
     /** Buttons over the plots of Live, before "Share". */
     readonly barShare: { readonly app: App };
   }
@@ -86,7 +86,7 @@ export function TopBar({ app, deps }: Props & { readonly deps?: Deps }) {
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && (
         <>
           <ViewerButton app={app} isLive={isLive} />
-          <Slot name="barViews" with={{ app, isLive }} />
+          <Slot name="barViews" with={{ app, deps: deps ?? app, isLive }} />
         </>
       )}
       {isLive && showsPlots(app.state.value) ? (

@@ -68,11 +68,6 @@ const ASKED: Readonly<Record<string, Case>> = {
     change: otherSignal("spectrogram"),
   },
   analysis: { ...ANALYSIS, open: shown("analysis"), change: type(/Signals or expressions/, "RateOfTurn.z") },
-  "analysis/dialog": {
-    ...ANALYSIS,
-    open: overlay("analysis/dialog"),
-    change: type(/Signals or expressions/, "RateOfTurn.z"),
-  },
   histogram: {
     ...ANALYSIS,
     open: shown("histogram"),

@@ -2,25 +2,49 @@
 import { registerExtension, type Slots } from "../../extension/extension";
 import { BAR_CLASS } from "../../pages/top-bar";
 import type { ExtensionPress } from "../../page/keys";
-import type { LiveDialogProps, App } from "../../page/context";
-import type { RecordingDialogProps } from "../../pages/recordings/open-recording";
-import { recordingTitle } from "../../recordings/library-filter";
+import type { App, Deps } from "../../page/context";
+import { show, tile } from "../../data/layout";
+import { PLOTS_TILE } from "../../data/plot-order";
+import { leaves } from "../../data/tiles";
+import { panelsOf } from "../../workspace/panels";
+import { sessionOf } from "../../workspace/session";
 import { Button } from "../../ui/controls/button";
+import { Icon } from "../../ui/controls/icons";
+import type { RecordingInfo } from "../../wire/recording-types";
 import { IconButton } from "../../ui/controls/icon-button";
 import { late } from "../../ui/dom/late";
 import { COMMON } from "../../texts/common";
-import { compareView, isComparison } from "./compare/sides";
+import { compareView, comparisonHref, isComparison } from "./compare/sides";
 import { TEXT as COMPARE } from "./compare/texts";
 import { analysisPanel } from "./panel";
 import { TEXT } from "./texts";
 import "./layers.css";
 import "./panel";
 
+/** All analyses, one at a time. */
+const PANEL = analysisPanel("analysis", undefined, 20);
 const loading = <div class="app" aria-busy="true" />;
 const ComparePage = late(async () => (await import("./compare/page")).ComparePage, loading);
-const AnalysisDialog = late(async () => (await import("./dialog")).AnalysisDialog);
 
-const open = (app: App): void => void (app.overlay.value = "analysis/dialog");
+/** Under this width of the page the analysis stands under the plots, px. */
+const BESIDE_PX = 1100;
+
+/** Show the analysis beside the plots, where it was last, or hide it. */
+function toggle(app: App, deps: Deps): void {
+  const session = sessionOf(app, deps.viewState);
+  const all = panelsOf(deps);
+  session.change((layout) => {
+    if (layout.panels[PANEL.id]?.shown) return show(layout, PANEL, false);
+    const shown = show(layout, PANEL, true);
+    if (shown.tiles && leaves(shown.tiles).includes(PANEL.id)) return shown;
+    return tile(shown, PANEL, PLOTS_TILE, innerWidth < BESIDE_PX ? "bottom" : "right", all);
+  });
+  requestAnimationFrame(() =>
+    document
+      .querySelector(`[data-panel=${PANEL.id}]`)
+      ?.scrollIntoView({ block: innerWidth < BESIDE_PX ? "start" : "nearest" }),
+  );
+}
 
 function compare({ app, recording }: Omit<ExtensionPress, "isShifted">): void {
   if (recording) {
@@ -30,7 +54,7 @@ function compare({ app, recording }: Omit<ExtensionPress, "isShifted">): void {
     compareView(app.viewState, app.viewState.view.peek().device ?? "");
 }
 
-function AnalysisButton({ app }: Slots["barViews"]) {
+function AnalysisButton({ app, deps }: Slots["barViews"]) {
   return (
     <IconButton
       icon="wave"
@@ -38,7 +62,7 @@ function AnalysisButton({ app }: Slots["barViews"]) {
       word={TEXT.analysis}
       class={BAR_CLASS.overPlots}
       title={TEXT.open}
-      onClick={() => open(app)}
+      onClick={() => toggle(app, deps)}
     />
   );
 }
@@ -69,35 +93,22 @@ function CompareRecordingButton({ recording }: Slots["recordingActions"]) {
   );
 }
 
-function Live({ app, device, onClose }: LiveDialogProps) {
-  return <AnalysisDialog deps={app} source={device.id} title={device.name} prefix="" isLive onClose={onClose} />;
-}
-
-function Recording({ recording: { replay, deps }, onClose }: RecordingDialogProps) {
-  const { info, devices } = replay.detail;
-  const device = replay.viewState.device.value;
+function CompareSelectedButton({ infos: [a, b, ...more] }: Slots["selectedRecordings"]) {
+  if (!a || !b || more.length > 0) return null;
+  const side = ({ id }: RecordingInfo) => ({ source: id, device: "" });
+  const place = comparisonHref({ a: side(a), b: side(b), signal: "", signalB: "" });
   return (
-    <AnalysisDialog
-      key={device}
-      deps={deps}
-      source={info.id}
-      title={recordingTitle(info)}
-      prefix={devices.length > 1 ? `${device}/` : ""}
-      isLive={false}
-      onClose={onClose}
-    />
+    <a class="btn edge" href={place} title={COMPARE.open}>
+      <Icon name="compare" />
+      {COMPARE.compare}
+    </a>
   );
 }
 
 registerExtension({
   name: "analysis",
   panels: [
-    // All analyses, one at a time: workspaces and links of earlier versions have it. It is offered where it is shown only; the panels of
-    // one analysis each take its place.
-    {
-      ...analysisPanel("analysis", undefined, 20),
-      applies: ({ viewState }) => viewState.layout.value.panels["analysis"]?.shown === true,
-    },
+    PANEL,
     analysisPanel("spectrum", "psd", 16),
     analysisPanel("spectrogram", "spectrogram", 17),
     analysisPanel("allan", "allan", 18),
@@ -107,10 +118,15 @@ registerExtension({
     { slot: "barViews", order: 10, View: AnalysisButton },
     { slot: "barViews", order: 20, View: CompareButton },
     { slot: "recordingActions", order: 30, View: CompareRecordingButton },
+    { slot: "selectedRecordings", order: 10, View: CompareSelectedButton },
   ],
-  dialogs: [{ overlay: "analysis/dialog", Live, Recording }],
   keys: [
-    { key: "a", group: COMMON.keysOfMeasuring, what: TEXT.key, press: ({ app }) => open(app) },
+    {
+      key: "a",
+      group: COMMON.keysOfMeasuring,
+      what: TEXT.key,
+      press: ({ app, recording }) => toggle(app, recording?.deps ?? app),
+    },
     { key: "d", group: COMMON.keysOfMeasuring, what: COMPARE.key, press: compare },
   ],
 });

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 /** Keys of analysis and of comparing. */
 import { fireEvent, waitFor } from "@testing-library/preact";
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { openPage } from "../../testing/live-page";
 import { recorded } from "../../testing/recorded";
 
@@ -13,10 +13,14 @@ test("one key compares the selected device with another one", async () => {
   expect(app.viewState.view.value.device).toBe("1");
 });
 
-test("one key opens the analysis", async () => {
+test("one key puts the analysis beside the plots, and takes it away again", async () => {
+  vi.stubGlobal("innerWidth", 1440);
   const { app } = await openPage(recorded("xbus"));
   await waitFor(() => expect(document.querySelector("[data-numeral]")).not.toBeNull());
   fireEvent.keyDown(document.body, { key: "a" });
-  await waitFor(() => expect(document.querySelector("dialog .analysis")).not.toBeNull());
-  expect(app.overlay.value).toBe("analysis/dialog");
+  await waitFor(() => expect(document.querySelector("[data-tile=analysis] .analysis")).not.toBeNull());
+  const { layout } = app.viewState;
+  expect(layout.value.tiles?.parts[1]).toEqual({ along: "row", parts: ["plots", "analysis"] });
+  fireEvent.keyDown(document.body, { key: "a" });
+  await waitFor(() => expect(document.querySelector("[data-tile=analysis]")).toBeNull());
 });

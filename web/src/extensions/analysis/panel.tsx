@@ -10,7 +10,7 @@ import { LENGTHS, WINDOWS } from "./choice";
 import { areChoices, choicesJson, registerPart } from "../../workspace/parts";
 import { isObject, type Json, type JsonObject } from "../../data/json";
 
-const AnalysisView = late(async () => (await import("./dialog")).AnalysisView);
+const AnalysisView = late(async () => (await import("./view")).AnalysisView);
 
 interface Props {
   readonly deps: Deps;
@@ -28,6 +28,7 @@ function SelectedAnalysis({ deps, ...rest }: Props) {
       key={device}
       deps={deps}
       source={recording?.id ?? device}
+      title={selected(deps)?.name ?? ""}
       prefix={prefix}
       isLive={!recording}
       {...rest}

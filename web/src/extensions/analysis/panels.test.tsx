@@ -59,8 +59,6 @@ it("a panel that is shown on request only is in the list, and is stored once it 
 
 it("an earlier workspace, with spectrum and Allan deviation in one panel, opens as it was", async () => {
   const { app } = await arranging();
-  const shared = TEXT.showPanel("Analysis");
-  expect(screen.queryByLabelText(shared)).toBeNull();
   const layout = {
     panels: { analysis: { shown: true, height: 500 }, xy: { shown: true } },
     order: { main: ["plots", "analysis", "xy"] },

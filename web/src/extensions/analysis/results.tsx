@@ -8,7 +8,7 @@ import { Message } from "../../ui/controls/message";
 import { ProblemNote } from "../../requests/problem-note";
 import type { AnalysisRequest, SignalFigures } from "../../wire/routes";
 import { figure } from "../../charts/axes";
-import { FigureChart } from "./chart";
+import { type ChartCurve, FigureChart } from "./chart";
 import { curveName } from "../../charts/curve-colours";
 import {
   signalsByUnit,
@@ -43,11 +43,14 @@ interface ResultProps extends Result {
   readonly xKind: "linear" | "log";
   /** Over time, the axis is that of the plots. */
   readonly plots?: PlotAxis | undefined;
+  /** An earlier result to compare with. */
+  readonly pinned?: Result | undefined;
 }
 
-export function AnalysisResult({ name, figures, body, xKind, plots }: ResultProps) {
+export function AnalysisResult({ name, figures, body, xKind, plots, pinned }: ResultProps) {
   if (figures.length === 0) return null;
   const [notes, obstacles] = [notesOf(figures), obstaclesOf(figures)];
+  const before = pinned?.name === name ? pinned.figures : [];
   return (
     <>
       {obstacles.length > 0 && (
@@ -60,11 +63,15 @@ export function AnalysisResult({ name, figures, body, xKind, plots }: ResultProp
         </ul>
       )}
       {name === "psd" &&
-        signalsByUnit(figures, "psd").map((some) => <Spectrum key={some[0]?.signal} figures={some} xKind={xKind} />)}
+        signalsByUnit(figures, "psd").map((some) => (
+          <Spectrum key={some[0]?.signal} figures={some} before={before} xKind={xKind} />
+        ))}
       {name === "allan" &&
-        signalsByUnit(figures, "adev").map((some) => <AllanDeviation key={some[0]?.signal} figures={some} />)}
+        signalsByUnit(figures, "adev").map((some) => (
+          <AllanDeviation key={some[0]?.signal} figures={some} before={before} />
+        ))}
       {name === "spectrogram" && figures.map((one) => <Spectrogram key={one.signal} figures={one} plots={plots} />)}
-      {name === "statistics" && <Statistics figures={figures} />}
+      {name === "statistics" && <Statistics figures={figures} before={before} />}
       {notes.length > 0 && (
         <ul class="bullets">
           {notes.map((note) => (
@@ -79,14 +86,14 @@ export function AnalysisResult({ name, figures, body, xKind, plots }: ResultProp
   );
 }
 
-function Spectrum({ figures, xKind }: Figures & Pick<ResultProps, "xKind">) {
+function Spectrum({ figures, before, xKind }: Compared & Pick<ResultProps, "xKind">) {
   const [first] = figures;
   if (!first) return null;
   return (
     <>
       <FigureChart
         label={TEXT.chart(TEXT.psd, named(figures))}
-        curves={curvesOf("psd", figures)}
+        curves={[...curvesOf("psd", figures), ...pinnedCurves("psd", figures, before)]}
         xKind={xKind}
         xTitle={TEXT.frequency}
         xUnit="Hz"
@@ -110,14 +117,14 @@ function Spectrum({ figures, xKind }: Figures & Pick<ResultProps, "xKind">) {
   );
 }
 
-function AllanDeviation({ figures }: Figures) {
+function AllanDeviation({ figures, before }: Compared) {
   const [first] = figures;
   if (!first) return null;
   return (
     <>
       <FigureChart
         label={TEXT.chart(TEXT.allan, named(figures))}
-        curves={curvesOf("allan", figures)}
+        curves={[...curvesOf("allan", figures), ...pinnedCurves("allan", figures, before)]}
         xKind="log"
         xTitle={TEXT.averagingTime}
         xUnit="s"
@@ -156,6 +163,20 @@ function Verdicts({ figures }: Figures) {
 
 interface Figures {
   readonly figures: readonly SignalFigures[];
+}
+
+interface Compared extends Figures {
+  /** Of the pinned result. */
+  readonly before: readonly SignalFigures[];
+}
+
+/** Curves of a pinned result in the same unit: dashed and without intervals. */
+function pinnedCurves(name: Name, figures: Figures["figures"], before: Figures["figures"]): readonly ChartCurve[] {
+  const key = name === "psd" ? "psd" : "adev";
+  const alike = before.filter(({ units }) => units[key] === figures[0]?.units[key]);
+  return curvesOf(name, alike).map(({ name: of, colour, x, y }) => ({
+    ...{ name: TEXT.pinnedCurve(of), colour: `${colour} pinned`, x, y },
+  }));
 }
 
 function Peaks({ figures }: Figures) {
@@ -213,7 +234,8 @@ function Parameters({ figures }: Figures) {
   );
 }
 
-function Statistics({ figures }: Figures) {
+function Statistics({ figures: now, before }: Compared) {
+  const figures = [...now, ...before.map((one) => ({ ...one, signal: TEXT.pinnedCurve(curveName(one.signal)) }))];
   return (
     <BySignal
       label={TEXT.statistics}

@@ -1,12 +1,17 @@
-/** Texts of the analysis dialog. */
+/** Texts of analyses. */
 import { count } from "../../texts/plural";
 import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   key: "Analysis: spectrum, Allan deviation, statistics",
   analysis: "Analysis",
-  analysisOf: (device: Value) => `Analysis of ${device}`,
-  open: "Spectra, Allan deviation, statistics (A)",
+  open: "Spectra, Allan deviation, statistics beside the plots (A)",
+  fromTo: (from: Value, to: Value) => `${from} to ${to} UTC`,
+  pin: "Pin this result",
+  pinHint: "Keep this result in the chart to compare the next one with it",
+  pinned: (words: Value) => `Pinned: ${words}`,
+  pinnedCurve: (name: Value) => `${name}, pinned`,
+  unpin: "Remove the pinned result",
   kind: "Analysis",
   statistics: "Statistics",
   psd: "Spectrum",

@@ -67,7 +67,7 @@ export async function keepRange({ replay, app }: OpenRecording): Promise<void> {
   const { first, last } = replay.bounds;
   const range = keptRange(replay);
   const [t0, t1] = [Math.max(first, range.t0), Math.min(last, range.t1)];
-  const title = TEXT.rangeOf(recordingTitle(info), length(t0 - first), length(t1 - first));
+  const title = TEXT.rangeOf(recordingTitle(info), length(t0 - first, 1), length(t1 - first, 1));
   const kept = await run(app, recordingsApi.keep(info.id, { ...range, t0, t1, title }));
   if (kept) showSaved(app, { id: kept.id, title: recordingTitle(kept) });
 }

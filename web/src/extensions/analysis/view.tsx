@@ -1,10 +1,10 @@
-/** The analysis dialog: spectrum, Allan deviation or statistics of a signal or an expression, over a range of the view. */
+/** An analysis: spectrum, Allan deviation or statistics of a signal or an expression, over a range of the view. */
 import { type Signal, useComputed, useSignal } from "@preact/signals";
-import { useId, useMemo } from "preact/hooks";
+import { useEffect, useId, useMemo, useRef } from "preact/hooks";
 import type { AnalysisPanel } from "../../data/view";
 import type { Deps } from "../../page/context";
 import { Segmented, Select } from "../../ui/controls/choices";
-import { Dialog } from "../../ui/controls/dialog";
+import { IconButton } from "../../ui/controls/icon-button";
 import { type Outcome, request } from "../../requests/http";
 import { Answered, useAnswer } from "../../requests/use-answer";
 import type { SignalFigures } from "../../wire/routes";
@@ -18,6 +18,7 @@ import {
   WINDOWS,
 } from "./choice";
 import { hasCursors } from "../../data/view-state";
+import { clock } from "../../ui/format/format";
 import { type Name, type RangeName, rangeQuestion, signalNames, signalsIn, timesOf } from "./figures";
 import { likeNames, Proposals } from "./proposals";
 import { AnalysisResult, type Result } from "./results";
@@ -30,8 +31,10 @@ const RANGES: readonly RangeName[] = ["window", "cursors", "everything"];
 const TYPED_MS = 350;
 /** Figures of a range that moves are computed this often, ms, as far as the server keeps up. */
 const LIVE_MS = 250;
-/** Over a recording the server reads the samples from disk each time. */
-const RECORDED_MS = 1000;
+/** Over a recording that plays. */
+const RECORDED_MS = 250;
+/** A range that is dragged is another question this often, ms. */
+const DRAGGED_MS = 100;
 /** Pictures have a hundred times as many figures. */
 const HEAVY_MS = 1000;
 /** Those of everything in memory change slowly. */
@@ -43,28 +46,31 @@ interface Props {
   readonly deps: Deps;
   /** Id of the live device, or of the recording. */
   readonly source: string;
+  /** Of the device. */
   readonly title: string;
   /** Put before the names of signals, if a recording has several devices: "2/". */
   readonly prefix: string;
   readonly isLive: boolean;
-  readonly onClose: () => void;
-}
-
-export function AnalysisDialog({ title, onClose, ...rest }: Props) {
-  return (
-    <Dialog title={TEXT.analysisOf(title)} wide onClose={onClose}>
-      <AnalysisView {...rest} />
-    </Dialog>
-  );
-}
-
-interface ViewProps extends Omit<Props, "title" | "onClose"> {
   /** The only analysis that is shown; what is chosen for it is part of the workspace. Default: all, one at a time. */
   readonly only?: AnalysisPanel;
 }
 
-/** The analysis without the dialog around it. */
-export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) {
+/** A value that changes at most once in so many milliseconds. */
+function useSpaced<T>(value: T, ms: number): T {
+  const spaced = useSignal(value);
+  const last = useRef(-Infinity);
+  useEffect(() => {
+    const take = (): void => {
+      last.current = performance.now();
+      spaced.value = value;
+    };
+    const timer = setTimeout(take, Math.max(0, last.current + ms - performance.now()));
+    return () => clearTimeout(timer);
+  }, [value, ms, spaced]);
+  return spaced.value;
+}
+
+export function AnalysisView({ deps, source, title, prefix, isLive, only }: Props) {
   const { viewState, store } = deps;
   const names = useComputed(() => signalNames(store.channels.value, viewState.device.value));
   const canRange = useComputed(() => hasCursors(viewState));
@@ -74,9 +80,7 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
   }, [deps, store, viewState]);
   const shown = useSignal<Name>(only ?? "psd");
   const state = useChoice(viewState, only);
-  // of the dialog: cursors that are set when it is opened are what is looked at
-  const between = useSignal(only === undefined && hasCursors(viewState)).peek();
-  const choice = useComputed(() => wholeChoice(shown.value, state.choice.value, names.value, between));
+  const choice = useComputed(() => wholeChoice(shown.value, state.choice.value, names.value, hasCursors(viewState)));
   const isPlaying = (): boolean => (deps.recording?.rate() ?? 0) > 0;
   const asked = useComputed(() => rangeQuestion(choice.value.range, viewState, isPlaying())).value;
   const { range } = choice.value;
@@ -92,13 +96,20 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
   };
   const pauseMs = range === "everything" ? SLOW_MS : name === "spectrogram" ? HEAVY_MS : isLive ? LIVE_MS : RECORDED_MS;
   const hasNone = choice.value.signals === ""; // no channel yet
-  const question = hasNone ? "" : JSON.stringify([name, body, asked, source]);
-  const answered = useAnswer(question, ask, { everyMs: grows ? pauseMs : undefined, typedMs: TYPED_MS });
+  const typed = useRef(choice.value.signals);
+  const isTyped = typed.current !== choice.value.signals;
+  typed.current = choice.value.signals;
+  const question = useSpaced(
+    hasNone ? "" : JSON.stringify([name, body, asked, source]),
+    isTyped ? TYPED_MS : DRAGGED_MS,
+  );
+  const answered = useAnswer(question, ask, { everyMs: grows ? pauseMs : undefined });
+  const pinned = useSignal<Result | undefined>(undefined);
   const xKind = choice.value.frequencyAxis;
   const axis = only !== undefined && range === "window" ? plots : undefined;
   const result = useMemo(
-    () => answered.answer && <AnalysisResult xKind={xKind} plots={axis} {...answered.answer} />,
-    [answered.answer, xKind, axis],
+    () => answered.answer && <AnalysisResult xKind={xKind} plots={axis} pinned={pinned.value} {...answered.answer} />,
+    [answered.answer, xKind, axis, pinned.value],
   );
   const device = viewState.device.value;
   const signals = choice.value.signals;
@@ -124,10 +135,37 @@ export function AnalysisView({ deps, source, prefix, isLive, only }: ViewProps) 
           )
         }
       >
-        {() => result}
+        {(answer) => (
+          <>
+            <p class="analysis-question dim text-sm">
+              {questionWords(answer, title, prefix)}
+              {answer.name !== "spectrogram" && (
+                <IconButton icon="flag" label={TEXT.pin} title={TEXT.pinHint} onClick={() => (pinned.value = answer)} />
+              )}
+            </p>
+            {pinned.value && (
+              <p class="analysis-question text-sm">
+                <span class="line-sample" />
+                {TEXT.pinned(questionWords(pinned.value, title, prefix))}
+                <IconButton icon="close" label={TEXT.unpin} onClick={() => (pinned.value = undefined)} />
+              </p>
+            )}
+            {result}
+          </>
+        )}
       </Answered>
     </div>
   );
+}
+
+/** What a result is of: signals, device, range. */
+function questionWords({ body: { signals, t0, t1 } }: Result, device: string, prefix: string): string {
+  const range =
+    t0 === null || t1 === null || t0 === undefined || t1 === undefined
+      ? TEXT.ranges.everything
+      : TEXT.fromTo(clock(t0, 1), clock(t1, 1));
+  const names = signals.map((one) => (one.startsWith(prefix) ? one.slice(prefix.length) : one));
+  return [names.join(", "), device, range].join(" · ");
 }
 
 function bodyOf(name: Name, choice: WholeChoice, prefix: string) {
@@ -173,7 +211,7 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
   );
   const signals = (
     <label class="labelled analysis-signal">
-      <span class={isOnly ? "visually-hidden" : ""}>{TEXT.signal}</span>
+      <span class="visually-hidden">{TEXT.signal}</span>
       <span class="field">
         <input
           type="text"
@@ -190,7 +228,6 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
           <option key={one} value={one} />
         ))}
       </datalist>
-      {!isOnly && <small class="dim">{TEXT.signalHint}</small>}
     </label>
   );
   const options = name !== "statistics" && (
@@ -210,33 +247,26 @@ function Controls({ shown, isOnly, choice, set, names, hasCursors: cursors }: Co
       )}
     </div>
   );
-  // a panel is low: its chart comes before what is seldom changed
-  if (isOnly)
-    return (
-      <>
-        <div class="analysis-row">
-          {range}
-          {signals}
-        </div>
-        <details class="analysis-more">
-          <summary>{TEXT.options}</summary>
-          {options}
-        </details>
-      </>
-    );
   return (
     <>
-      <div class="analysis-row">
+      {!isOnly && (
         <Segmented
           label={TEXT.kind}
           value={name}
           options={NAMES.map((one) => [one, TEXT[one]])}
           onChoose={(one) => (shown.value = one)}
         />
+      )}
+      <div class="analysis-row">
         {range}
+        {signals}
       </div>
-      {signals}
-      {options}
+      {options && (
+        <details class="analysis-more">
+          <summary>{TEXT.options}</summary>
+          {options}
+        </details>
+      )}
     </>
   );
 }

@@ -1,5 +1,5 @@
 // @vitest-environment happy-dom
-/** The analysis dialog: what is asked for, the figures that are shown, and mistakes in an expression. */
+/** An analysis: what is asked for, the figures that are shown, and mistakes in an expression. */
 import { signal } from "@preact/signals";
 import { fireEvent, render, screen, waitFor, within } from "@testing-library/preact";
 import { expect, test, vi } from "vitest";
@@ -8,8 +8,9 @@ import { createViewState } from "../../data/view-state";
 import type { Deps } from "../../page/context";
 import { answering, type Asked } from "../../testing/recorded";
 import type { SignalFigures } from "../../wire/routes";
-import { AnalysisDialog } from "./dialog";
+import { AnalysisView } from "./view";
 import { colourAt, scaleOf, shareOf } from "../../charts/colours";
+import { TEXT } from "./texts";
 import { analysisCsv, signalNames, signalsIn, ends } from "./figures";
 
 const ROUTE = "POST /api/analysis";
@@ -67,8 +68,7 @@ function open(
   viewState.view.value = { device: "1", live: isLive, end: 1000, span: 20, timeBase: "arrival" };
   const store = { channels: signal(CHANNELS), serverNow: () => 2000, edgeOf: () => edge };
   const deps = { store, viewState } as unknown as Deps;
-  const close = (): void => undefined;
-  render(<AnalysisDialog deps={deps} source="7" title="MTi-630" prefix={prefix} isLive={isLive} onClose={close} />);
+  render(<AnalysisView deps={deps} source="7" title="MTi-630" prefix={prefix} isLive={isLive} />);
   return asked;
 }
 
@@ -97,6 +97,30 @@ test("the live window of a device that ended is the one on screen, not the last 
   const asked = open({ [`${ROUTE}/psd`]: [figures("x")] }, true, "", createViewState(), 1500);
   await screen.findByRole("region", { name: "Peaks" });
   expect(bodies(asked)[0]).toMatchObject({ t0: 1480, t1: 1500 });
+});
+
+test("cursors that are set are what is asked, and a result names its question", async () => {
+  const viewState = createViewState();
+  const asked = open({ [`${ROUTE}/psd`]: [figures("x")] }, false, "", viewState);
+  expect((await screen.findByText(/^Acceleration · MTi-630/)).textContent).toBe(
+    "Acceleration · MTi-630 · 00:16:20.0 to 00:16:40.0 UTC",
+  );
+  viewState.cursor.value = { kind: "pinned", time: 990 };
+  viewState.measure.value = 992;
+  await screen.findByText(/00:16:30.0 to 00:16:32.0/);
+  expect(bodies(asked).at(-1)).toMatchObject({ t0: 990, t1: 992 });
+});
+
+test("a pinned result stays in the chart beside the next one", async () => {
+  const viewState = createViewState();
+  open({ [`${ROUTE}/psd`]: [figures("x")] }, false, "", viewState);
+  fireEvent.click(await screen.findByRole("button", { name: TEXT.pin }));
+  viewState.view.value = { ...viewState.view.value, end: 900 };
+  await screen.findByText(/00:14:40.0 to 00:15:00.0/);
+  const pinned = screen.getByText(/^Pinned: Acceleration · MTi-630 · 00:16:20.0 to 00:16:40.0/);
+  await waitFor(() => expect(document.querySelectorAll("path.trace")).toHaveLength(2));
+  fireEvent.click(within(pinned).getByRole("button", { name: TEXT.unpin }));
+  await waitFor(() => expect(document.querySelectorAll("path.trace")).toHaveLength(1));
 });
 
 test("the Allan deviation is asked of everything; a parameter that is not seen has its limit", async () => {
