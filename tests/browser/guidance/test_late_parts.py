@@ -9,7 +9,7 @@ from tests.support.chromium import until
 from tests.support.server_process import ServerProcess
 
 
-def test_keys_wait_for_the_field_that_was_asked_for(server: ServerProcess, open_page: Callable[..., Page]) -> None:
+def test_typed_keys_wait_for_the_field(server: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = opened(server, open_page)
     held: list[Route] = []
     page.route("**/assets/*.js", lambda route: held.append(route))
