@@ -91,14 +91,8 @@ function TagForm({ app, infos }: Props) {
         disabled={isViewOnly.value}
         value={word.value}
         maxLength={40}
-        list="library-tags"
         onInput={(event) => (word.value = event.currentTarget.value)}
       />
-      <datalist id="library-tags">
-        {[...new Set(library.all.value?.flatMap(({ tags }) => tags))].map((tag) => (
-          <option key={tag} value={tag} />
-        ))}
-      </datalist>
     </form>
   );
 }
