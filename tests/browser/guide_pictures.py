@@ -100,6 +100,7 @@ class Studio:
             color_scheme="light" if theme == "light" else "dark",
             has_touch=size == PHONE,
         )
+        context.add_init_script(chromium.NOT_THE_FIRST_MINUTE)
         page = context.new_page()
         page.goto(f"{url.rstrip('/')}/{at}")
         yield page
