@@ -17,7 +17,18 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser.page_checks import DESKTOP, PHONE, SILENT, click, first_five_plots, press, show
+from tests.browser.page_checks import (
+    DESKTOP,
+    PHONE,
+    SILENT,
+    click,
+    first_five_plots,
+    fits,
+    press,
+    serious,
+    show,
+    small_targets,
+)
 from tests.conftest import READY
 from tests.support.chromium import until
 from tests.support.server_process import ServerProcess
