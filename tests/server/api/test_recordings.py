@@ -377,6 +377,22 @@ def test_recordings_from_elsewhere_are_read_by_themselves_and_never_in_the_serve
     assert len(list((folder.parent / "cache" / "columns").glob("*/summary.json"))) == 3
 
 
+def test_nothing_is_read_for_the_list_while_something_is_recorded(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive(folder / "a.mcap", seconds=1.0)
+    compact(folder / "a.mcap")
+    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",)), FakeLink) as running:
+        running.client.timeout = 60
+        monkeypatch.setattr(ClientFanout, "browsers", 1)
+        running.client.post(f"{URL}/start", json={})
+        assert [one["read"] for one in listed(running) if one["id"] == "a"] == [False]
+        catalogue = running.services.catalogue
+        assert not running.call(lambda: catalogue._may_read)
+        running.client.post(f"{URL}/stop")
+        block_until(lambda: all(one["read"] for one in listed(running)), "both are read", seconds=120)
+
+
 def test_the_disk_of_the_library_is_reported(folder: Path) -> None:
     drive(folder / "a.mcap", seconds=1.0)
     compact(folder / "a.mcap")

@@ -3,6 +3,7 @@ import { late } from "../ui/dom/late";
 
 export const LateAddDevice = late(async () => (await import("../forms/add-device")).AddDevice);
 export const LateExportDialog = late(async () => (await import("./recordings/export-dialog")).ExportDialog);
+export const LateGuide = late(async () => (await import("../guide/guide")).Guide);
 export const LateMemoryDialog = late(async () => (await import("./memory-dialog")).MemoryDialog);
 export const LatePacket = late(async () => (await import("./packet-dialog")).OpenPacket);
 export const LateSignalsPanel = late(async () => (await import("../panels/signals/panel")).SignalsPanel);

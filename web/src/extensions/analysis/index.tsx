@@ -59,6 +59,7 @@ function AnalysisButton({ app, deps }: Slots["barViews"]) {
     <IconButton
       icon="wave"
       label={TEXT.analysis}
+      word={TEXT.analysis}
       class={BAR_CLASS.overPlots}
       title={TEXT.open}
       onClick={() => toggle(app, deps)}
@@ -72,6 +73,7 @@ function CompareButton({ app, isLive }: Slots["barViews"]) {
     <IconButton
       icon="compare"
       label={COMPARE.compare}
+      word={COMPARE.compare}
       class={BAR_CLASS.spareFirst}
       title={COMPARE.open}
       onClick={() => compareView(app.viewState, app.device.value?.id ?? "")}

@@ -33,6 +33,7 @@ export function SelectionBar({ app }: { readonly app: App }) {
   const gone = infos.filter(({ deleted }) => deleted !== null);
   return (
     <div class="selection-bar" role="region" aria-label={TEXT.selection}>
+      <IconButton icon="close" label={TEXT.clearSelection} onClick={() => library.pickAll([])} />
       <b>
         {TEXT.selectedCount(infos.length)}{" "}
         <span class="unit">
@@ -63,7 +64,6 @@ export function SelectionBar({ app }: { readonly app: App }) {
           onClick={() => void library.undelete(...gone.map(({ id }) => id))}
         />
       )}
-      <IconButton icon="close" label={TEXT.clearSelection} onClick={() => library.pickAll([])} />
     </div>
   );
 }
@@ -91,14 +91,8 @@ function TagForm({ app, infos }: Props) {
         disabled={isViewOnly.value}
         value={word.value}
         maxLength={40}
-        list="library-tags"
         onInput={(event) => (word.value = event.currentTarget.value)}
       />
-      <datalist id="library-tags">
-        {[...new Set(library.all.value?.flatMap(({ tags }) => tags))].map((tag) => (
-          <option key={tag} value={tag} />
-        ))}
-      </datalist>
     </form>
   );
 }
