@@ -68,7 +68,7 @@ def rows(store: ColumnStore, span: tuple[int, int]) -> dict[str, Any]:
 
 
 def test_a_short_range_has_the_unit_that_the_whole_has_settled(tmp_path: Path) -> None:
-    """A tenth of a second does not tell it; and an event of live that names a unit without its option is no obstacle."""
+    """A tenth of a second does not tell it; and a live event that names a unit without its option is no obstacle."""
     path, device = tmp_path / "ms.mcap", IdtpSimulator(tick_ns=1_000_000)
     writer = McapWriter(path, {})
     writer.device("1", {"link": "serial", "protocol": "idtp"})
