@@ -31,6 +31,15 @@ def grouped_files(files: dict[Path, tuple[int, int]]) -> list[dict[Path, tuple[i
     return [{path: files[path] for _, path in sorted(group)} for group in groups.values()]
 
 
+def state_of(path: Path) -> tuple[int, int, int] | None:
+    """Number, size and time of change, ns, of a file; None if it is not there. Another content has another state."""
+    try:
+        stat = os.stat(path)
+    except OSError:
+        return None
+    return stat.st_ino, stat.st_size, stat.st_mtime_ns
+
+
 def is_file(entry: os.DirEntry[str]) -> bool:
     """Whether an entry of a folder is a file, or a link to one."""
     try:

@@ -32,7 +32,6 @@ from imuscope.recordings import sidecar
 from imuscope.recordings.errors import RecordingError, disk_error
 from imuscope.recordings.file_names import clean_name
 from imuscope.recordings.library.entry import LibraryEntry
-from imuscope.recordings.library.entry_cache import EntryCache, state_of
 from imuscope.recordings.library.files import (
     COMPANIONS,
     belonging_files,
@@ -41,6 +40,7 @@ from imuscope.recordings.library.files import (
     is_file,
     move_files,
     named_groups,
+    state_of,
 )
 from imuscope.recordings.library.index import INDEX, completed, index_of, remove_stale_indexes, write_index
 from imuscope.recordings.library.probe_cache import ProbeCache, Stamp
@@ -89,7 +89,7 @@ class Library:
         self._decoder = decoder
         self._lock = threading.RLock()
         self._probes = ProbeCache()
-        self._entries = EntryCache()
+        self._entries: dict[Path, tuple[object, LibraryEntry]] = {}  # with the state of all that each was made of
         self._paths: dict[str, Path] = {}
         self._deleted_at: dict[Path, float] = {}  # folder in the bin → by the steady clock, of deletions in this run
         self._last_removal = -math.inf
@@ -236,8 +236,9 @@ class Library:
         beside = (sidecar.sidecar_path(path), self.folder / INDEX / f"{path.name}.json")
         state = (name, tuple(files.items()), probe, *map(state_of, beside), self._decoder())
         heading = self._probes.take_heading(path)
-        if not heading and (known := self._entries.of(path, state)) is not None:
-            return known
+        known = self._entries.get(path)
+        if not heading and known is not None and known[0] == state:
+            return known[1]
         size, modified = sum(size for size, _ in files.values()), max(changed for _, changed in files.values()) / 1e9
         entry = LibraryEntry(name, list(files), size, modified, probe, Edits(), [], [], [])
         self._apply_index(entry, stamp)
@@ -246,7 +247,7 @@ class Library:
             entry.probe = replace(entry.probe, damaged=why.message)
         elif heading:
             entry.edits = self._recalled(entry, heading)
-        self._entries.learn(path, state, entry)
+        self._entries[path] = state, entry
         return entry
 
     def _may_recall(self, entry: LibraryEntry) -> bool:
@@ -428,8 +429,8 @@ class Library:
                     shutil.rmtree(folder, ignore_errors=True)
         remove_stale_indexes(self.folder, self._names)
         there = self._files(self.folder)
-        for known in (self._probes, self._entries):
-            known.keep(lambda path: path in there or (BIN in path.parts and path.exists()))
+        self._probes.keep(lambda path: path in there or (BIN in path.parts and path.exists()))
+        self._entries = {path: known for path, known in self._entries.items() if path in there}
         self._paths = {name: path for name, path in self._paths.items() if path in there}
 
     def _names(self) -> list[str]:

@@ -57,14 +57,10 @@ async def get_memory(services: TheServices) -> list[HeldBytes]:
     return rows
 
 
-@router.get("/api/recorder/storage", responses=responses(507))
+@router.get("/api/recorder/storage")
 async def get_storage(services: TheServices) -> LibraryStorage:
     """Disk space: the share of recordings, free space, and the quota."""
-    try:
-        return await services.catalogue.storage(services.recorder.plan.quota_bytes)
-    except OSError as error:
-        words = f"The disk cannot be read: {(error.strerror or 'it failed').lower()}."
-        raise DomainError("disk", words, "Check that it is mounted.") from None
+    return await services.catalogue.storage(services.recorder.plan.quota_bytes)
 
 
 @router.post("/api/recordings/save-memory", responses=responses(404, 422, 507))

@@ -19,6 +19,8 @@ export type LibraryColumn =
 interface Column {
   readonly name: LibraryColumn;
   readonly title: string;
+  /** px; absent: the rest. */
+  readonly width?: number;
   /** Right-aligned. */
   readonly isNumber?: boolean;
   /** What the rows are sorted by, the first time ascending or descending; absent: they cannot be. */
@@ -27,16 +29,37 @@ interface Column {
 }
 
 export const LIBRARY_COLUMNS: readonly Column[] = [
-  { name: "motion", title: TEXT.motion },
+  { name: "motion", title: TEXT.motion, width: 130 },
   { name: "name", title: TEXT.recording, key: (info, nameOf) => nameOf(info) },
-  { name: "devices", title: COMMON.devices, key: (info) => namesOfDevices(info) },
-  { name: "recorded", title: TEXT.recorded, isNumber: true, key: ({ started }) => started, isDescending: true },
-  { name: "length", title: TEXT.length, isNumber: true, key: ({ duration }) => duration, isDescending: true },
-  { name: "size", title: TEXT.size, isNumber: true, key: ({ size }) => size, isDescending: true },
-  { name: "loss", title: COMMON.loss, key: worst, isDescending: true },
-  { name: "tags", title: TEXT.tags, key: ({ tags }) => tags.join(" ") || null },
-  { name: "markers", title: COMMON.markers, isNumber: true, key: ({ markers }) => markers, isDescending: true },
-  { name: "file", title: TEXT.file, key: ({ file }) => file },
+  { name: "devices", title: COMMON.devices, width: 110, key: (info) => namesOfDevices(info) },
+  {
+    name: "recorded",
+    title: TEXT.recorded,
+    width: 110,
+    isNumber: true,
+    key: ({ started }) => started,
+    isDescending: true,
+  },
+  {
+    name: "length",
+    title: TEXT.length,
+    width: 72,
+    isNumber: true,
+    key: ({ duration }) => duration,
+    isDescending: true,
+  },
+  { name: "size", title: TEXT.size, width: 76, isNumber: true, key: ({ size }) => size, isDescending: true },
+  { name: "loss", title: COMMON.loss, width: 92, key: worst, isDescending: true },
+  { name: "tags", title: TEXT.tags, width: 110, key: ({ tags }) => tags.join(" ") || null },
+  {
+    name: "markers",
+    title: COMMON.markers,
+    width: 76,
+    isNumber: true,
+    key: ({ markers }) => markers,
+    isDescending: true,
+  },
+  { name: "file", title: TEXT.file, width: 240, key: ({ file }) => file },
 ];
 
 /** Damaged ones are worse than any loss; of unread ones nothing is known. */

@@ -132,8 +132,8 @@ function Table({ app, library }: TableProps) {
         </caption>
         <colgroup>
           <col class="c-check" />
-          {heads.map(({ name }) => (
-            <col key={name} class={`c-${name}`} />
+          {heads.map(({ name, width }) => (
+            <col key={name} class={`c-${name}`} style={width ? { width: `${width}px` } : {}} />
           ))}
         </colgroup>
         <TableHead

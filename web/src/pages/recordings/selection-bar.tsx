@@ -30,7 +30,6 @@ export function SelectionBar({ app }: { readonly app: App }) {
   if (!isMany) return null;
   const { value, unit } = bytes(infos.reduce((sum, { size }) => sum + size, 0));
   const kept = infos.filter(({ deleted, recording }) => deleted === null && !recording);
-  const gone = infos.filter(({ deleted }) => deleted !== null);
   return (
     <div class="selection-bar" role="region" aria-label={TEXT.selection}>
       <IconButton icon="close" label={TEXT.clearSelection} onClick={() => library.pickAll([])} />
@@ -54,15 +53,6 @@ export function SelectionBar({ app }: { readonly app: App }) {
             onClick={() => void library.remove(...kept)}
           />
         </>
-      )}
-      {gone.length > 0 && (
-        <Button
-          changes
-          look="edge"
-          icon="undo"
-          words={TEXT.restore}
-          onClick={() => void library.undelete(...gone.map(({ id }) => id))}
-        />
       )}
     </div>
   );
@@ -91,14 +81,8 @@ function TagForm({ app, infos }: Props) {
         disabled={isViewOnly.value}
         value={word.value}
         maxLength={40}
-        list="library-tags"
         onInput={(event) => (word.value = event.currentTarget.value)}
       />
-      <datalist id="library-tags">
-        {[...new Set(library.all.value?.flatMap(({ tags }) => tags))].map((tag) => (
-          <option key={tag} value={tag} />
-        ))}
-      </datalist>
     </form>
   );
 }
