@@ -89,7 +89,7 @@ from imuscope.recordings.readers.registry import register_reader as register_rea
 
 # Readers.
 from imuscope.recordings.sources import FileDamage as FileDamage
-from imuscope.recordings.tables.table_source import TableRows as TableRows
+from imuscope.recordings.tables.table_rows import TableRows as TableRows
 from imuscope.recordings.tables.table_source import TableSource as TableSource
 
 # Extensions of the server.

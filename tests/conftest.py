@@ -278,6 +278,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
         still: bool = False,
         scale: float = 1.0,
         before: str = "",
+        first_minute: bool = False,
     ) -> Page:
         context = browser.new_context(
             viewport={"width": width, "height": height},
@@ -289,6 +290,8 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
         )
         contexts.append(context)
         context.add_init_script(chromium.SLOW_SCREEN)
+        if not first_minute:
+            context.add_init_script(chromium.NOT_THE_FIRST_MINUTE)
         if before:
             context.add_init_script(before)
         page = context.new_page()

@@ -69,6 +69,7 @@ SOURCES = (
     "src",
     "tsconfig.json",
     "vite.config.ts",
+    "../docs/guide",
 )
 GENERATED = re.compile(r"src/wire/(routes|[a-z-]*types)\.ts$")  # types, which are removed to build the page
 CONFIG = "vite.config.ts"

@@ -32,7 +32,10 @@ export default defineConfig({
     },
   },
   worker: { format: "es" },
-  server: { proxy: { "/api": SERVER, "/ws": { target: SERVER, ws: true }, "/healthz": SERVER } },
+  server: {
+    fs: { allow: [".", "../docs/guide"] },
+    proxy: { "/api": SERVER, "/ws": { target: SERVER, ws: true }, "/healthz": SERVER },
+  },
   test: {
     include: ["src/**/*.test.{ts,tsx}"],
     environment: "node",

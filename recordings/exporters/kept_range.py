@@ -12,7 +12,7 @@ agree within their ±.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -154,8 +154,13 @@ def _cut(
         markers=tuple(one for one in whole.markers if t0 <= one.time <= t1),
     ).as_metadata()
     metadata[RECORDING] = {**metadata.get(RECORDING, {}), "title": request.title}
-    for name, values in _settled(request):
-        metadata[name] = {**metadata.get(name, {}), **values}
+    # findings of decoding the whole: the protocol of each device, and the unit of its timestamps
+    events = [one for one in request.columns.manifest["events"] if "option" in one["data"]]  # those of live lack it
+    units = {one["device"]: {one["data"]["option"]: one["data"]["unit"]} for one in events}
+    for one in request.columns.manifest["devices"]:
+        if "." not in (device := one["id"]) and one["protocol"]:
+            known = metadata.get(DEVICE + device, {})
+            metadata[DEVICE + device] = {**known, "protocol": one["protocol"], **units.get(device, {})}
     target.end(metadata)
 
 
@@ -179,16 +184,6 @@ def _messages(block: MessageBlock, rows: Ints) -> list[tuple[int, bytes]]:
 def _family(request: ExportRequest, device: str) -> ProtocolInfo | None:
     of = {one["id"].partition(".")[0]: one["protocol"] for one in request.columns.manifest["devices"]}
     return family_of(of[device]) if of.get(device) else None
-
-
-def _settled(request: ExportRequest) -> Iterator[tuple[str, dict[str, str]]]:
-    """Findings of decoding the whole: the protocol of each device, and the unit of its timestamps."""
-    events = request.columns.manifest["events"]
-    units = {one["device"]: one["data"] for one in events if one["data"].get("reason") == "unit"}
-    for one in request.columns.manifest["devices"]:
-        if "." not in one["id"] and one["protocol"]:
-            unit = {units[one["id"]]["option"]: units[one["id"]]["unit"]} if one["id"] in units else {}
-            yield DEVICE + one["id"], {"protocol": one["protocol"], **unit}
 
 
 def _origin(request: ExportRequest, title: str) -> str:

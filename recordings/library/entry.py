@@ -1,7 +1,7 @@
 """One recording in the list of the library."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from imuscope.recordings.library.recording_probe import CAPTURE_FORMATS, RecordingProbe
@@ -31,6 +31,8 @@ class LibraryEntry:
     thumbnail: list[list[float]]
     losses: list[float]
     marker_texts: list[str]
+    motion: str = ""
+    marks: list[float] = field(default_factory=list)
     indexed: bool = False
     is_current: bool = False
     deleted: float | None = None
@@ -63,8 +65,10 @@ class LibraryEntry:
         """Sort key of the list."""
         return self.probe.started if self.probe.started is not None else self.modified
 
-    def contains(self, words: Iterable[str]) -> bool:
+    def contains(self, words: Collection[str]) -> bool:
         """Whether all these words (case-folded) occur in the metadata."""
+        if not words:
+            return True
         devices = [text for one in self.probe.devices for text in (one.name, one.product, one.serial_number)]
         edits = self.edits
         markers = [marker.text for marker in edits.markers]

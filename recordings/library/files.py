@@ -23,11 +23,21 @@ def free_path(path: Path) -> Path:
 def grouped_files(files: dict[Path, tuple[int, int]]) -> list[dict[Path, tuple[int, int]]]:
     """The files grouped by recording: the parts of a log in order, any other file alone."""
     groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
+    of_logs = vendor_logs.log_suffixes()
     for path in files:
-        name = vendor_logs.log_name(path) if path.suffix.lower() in vendor_logs.log_suffixes() else None
+        name = vendor_logs.log_name(path) if path.suffix.lower() in of_logs else None
         key = (name.stem if name is not None else path.name, path.suffix)
         groups.setdefault(key, []).append((name.part if name is not None else 0, path))
     return [{path: files[path] for _, path in sorted(group)} for group in groups.values()]
+
+
+def state_of(path: Path) -> tuple[int, int, int] | None:
+    """Number, size and time of change, ns, of a file; None if it is not there. Another content has another state."""
+    try:
+        stat = os.stat(path)
+    except OSError:
+        return None
+    return stat.st_ino, stat.st_size, stat.st_mtime_ns
 
 
 def is_file(entry: os.DirEntry[str]) -> bool:

@@ -5,16 +5,20 @@
 It is valid as long as the file and the choices on how it is read stay the same. Findings of another decoder are listed
 until this one has opened the file.
 
-    motion   |rate of turn|, or |acceleration|, or else the busiest quantity: in each of 64 buckets the least and the
-             greatest, divided by the greatest of all; 0, 0 without samples
+    thumbnail       |a|, or attitude (roll and pitch), or |rate of turn|, or else the busiest quantity: in each of 64
+                    buckets the least and the greatest, between the least and the greatest of all
+    motion          the name of that
+    losses, marks   where samples are missing, and where markers are, 0..1 of the recording
 
-A summary is computed from those of the columns, so it costs the same at any length. In these the norm of a vector is
-bounded by those of its components: the picture may be slightly too wide, never too narrow.
+A summary is made once, in the process that makes the columns or in one for files from outside, and kept with them
+(`summary_in`): the server's own process only passes it on. It is computed from the summaries of the columns, so it
+costs the same at any length. In these the norm of a vector is bounded by those of its components: the picture may be
+slightly too wide, never too narrow.
 """
 
 import contextlib
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -31,55 +35,55 @@ from imuscope.recordings.system.regular_file import read_regular
 
 BUCKETS = 64
 FINE = 32  # summaries for each bucket
-MAX_LOSSES = 200
+STILL_SHARE, STILL_DEG = 0.1, 10.0  # smallest extent of a thumbnail, as a share of the greatest norm, and of angles
+ATTITUDE = "attitude"
+SUMMARY = "summary.json"
+MAX_PLACES = 200
 MOST_REMARKS = 5
-_PREFERRED = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",), ("acceleration",), ("acc",))
+_ACCELERATION = (("acceleration",), ("acc",))
+_RATE = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",))
 
 
-def thumbnail(columns: ColumnStore) -> list[list[float]]:
-    """(least, greatest) of 64 buckets, 0..1; [] without motion."""
-    number = _moving(columns)
+def thumbnail(columns: ColumnStore) -> tuple[str, list[list[float]]]:
+    """Name of the motion, and (least, greatest) of 64 buckets, 0..1, [] without samples; "", [] without motion."""
+    number, motion = _moving(columns)
     span = columns.span(number) if number is not None else None
     if number is None or span is None or span[1] <= span[0]:
-        return []
-    fine = columns.query(number, *span, BUCKETS * FINE, columns=_axes(columns, number))
+        return "", []
+    fine = columns.query(number, *span, BUCKETS * FINE, columns=_axes(columns, number, motion))
     if isinstance(fine, ExactRows):
         t = np.where(np.isnan(fine.time), fine.arrival, fine.time)
         low = high = np.array(fine.columns, np.float64)
     else:
         t, low, high = fine.t, np.array(fine.low, np.float64), np.array(fine.high, np.float64)
-    inside = (low <= 0) & (high >= 0)
-    nearest = np.where(inside, 0.0, np.minimum(np.abs(low), np.abs(high)))
-    least = np.sqrt((nearest**2).sum(axis=0))
-    greatest = np.sqrt((np.maximum(np.abs(low), np.abs(high)) ** 2).sum(axis=0))
-    finite = np.isfinite(greatest)
-    scale = float(greatest[finite].max()) if finite.any() else 0.0
-    if scale <= 0:
-        return []
+    if motion == ATTITUDE:
+        least, greatest = low.min(axis=0), high.max(axis=0)
+    else:
+        inside = (low <= 0) & (high >= 0)
+        nearest = np.where(inside, 0.0, np.minimum(np.abs(low), np.abs(high)))
+        least = np.sqrt((nearest**2).sum(axis=0))
+        greatest = np.sqrt((np.maximum(np.abs(low), np.abs(high)) ** 2).sum(axis=0))
+    finite = np.isfinite(least) & np.isfinite(greatest)
+    if not finite.any():
+        return "", []
+    bottom, top = float(least[finite].min()), float(greatest[finite].max())
+    extent = max(top - bottom, STILL_DEG if motion == ATTITUDE else STILL_SHARE * top) or 1.0
+    bottom -= (extent - (top - bottom)) / 2  # what stands still is a line in the middle, not its noise enlarged
     place = np.clip(((t - span[0]) * (BUCKETS / (span[1] - span[0]))).astype(np.int64), 0, BUCKETS - 1)
     out: list[list[float]] = []
     for bucket in range(BUCKETS):
         selected = finite & (place == bucket)
-        out.append(
-            [round(float(least[selected].min()) / scale, 3), round(float(greatest[selected].max()) / scale, 3)]
-            if selected.any()
-            else [0.0, 0.0]
-        )
-    return out
+        ends = (least[selected].min(), greatest[selected].max()) if selected.any() else ()
+        out.append([round((float(one) - bottom) / extent, 3) for one in ends])
+    return motion, out
 
 
-def losses(manifest: Mapping[str, Any]) -> list[float]:
-    """Positions of lost samples, 0..1 of the recording, ascending."""
-    start, end = manifest.get("started"), manifest.get("ended")
-    if start is None or end is None or end <= start:
+def places(times: Iterable[float], started: float | None, duration: float | None) -> list[float]:
+    """Positions of moments, 0..1 of the recording, ascending; of very many some."""
+    if started is None or not duration:
         return []
-    places = {
-        round(min(max((event["t0"] - start) / (end - start), 0.0), 1.0), 3)
-        for event in manifest.get("events", ())
-        if event.get("kind") == "gap" and event.get("t0") is not None
-    }
-    times = sorted(places)
-    return times[:: -(-len(times) // MAX_LOSSES)] if times else []
+    shares = sorted({round(min(max((time - started) / duration, 0.0), 1.0), 3) for time in times})
+    return shares[:: -(-len(shares) // MAX_PLACES)] if shares else []
 
 
 def recorded_devices(manifest: Mapping[str, Any]) -> list[RecordedDevice]:
@@ -107,16 +111,36 @@ def summarize(columns: ColumnStore) -> dict[str, Any]:
     start, end = manifest.get("started"), manifest.get("ended")
     damage = [one["words"] for one in manifest.get("damage", ()) if not one.get("is_remark")]
     remarks = [one["words"] for one in manifest.get("damage", ()) if one.get("is_remark")]
+    duration = end - start if start is not None and end is not None else None
+    gaps = [event.get("t0") for event in manifest.get("events", ()) if event.get("kind") == "gap"]
+    motion, pairs = thumbnail(columns)
     return {
         "started": start,
-        "duration": end - start if start is not None and end is not None else None,
+        "duration": duration,
         "devices": [asdict(device) for device in recorded_devices(manifest)],
         "damaged": damage[0] if damage else "",
         "remark": " ".join(remarks[:MOST_REMARKS]),
         "markers": [marker["text"] for marker in manifest.get("markers", ())],
-        "thumbnail": thumbnail(columns),
-        "losses": losses(manifest),
+        "motion": motion,
+        "thumbnail": pairs,
+        "losses": places((t0 for t0 in gaps if t0 is not None), start, duration),
+        "marks": places((marker["time"] for marker in manifest.get("markers", ())), start, duration),
     }
+
+
+def summary_in(store: Path) -> dict[str, Any]:
+    """The summary kept with the columns in a folder; made if there is none.
+
+    Raises:
+        OSError, ValueError: there are no columns.
+    """
+    try:
+        summary: dict[str, Any] = json.loads(read_regular(store / SUMMARY))
+    except (OSError, ValueError, RecursionError):
+        summary = summarize(ColumnStore(store))
+        with contextlib.suppress(OSError):
+            atomic_write.write_atomic(store / SUMMARY, json.dumps(summary, ensure_ascii=False))
+    return summary
 
 
 def is_summary(summary: dict[str, Any]) -> bool:
@@ -133,45 +157,56 @@ def is_summary(summary: dict[str, Any]) -> bool:
         for one in summary["devices"]
         for name, value in one.items()
     )
-    return numbers and lists and devices and all(isinstance(summary[name], str) for name in ("damaged", "remark"))
+    texts = all(isinstance(summary[name], str) for name in ("damaged", "remark"))
+    texts = texts and isinstance(summary.setdefault("motion", ""), str)  # an earlier version had neither
+    return numbers and lists and devices and texts and is_list(summary.setdefault("marks", []), int, float)
 
 
-def _moving(columns: ColumnStore) -> int | None:
-    """The channel whose motion is shown: the busiest of the preferred kind."""
-    infos = columns.manifest.get("channels", ())
-    for words in _PREFERRED:
-        moving = [
-            info["id"]
-            for info in infos
-            if info["kind"] in ("vector", "record")
-            and any(all(word in text.lower() for word in words) for text in (info["name"], info["title"]))
-            and columns.rows(info["id"])
-        ]
-        if moving:
-            return int(max(moving, key=columns.rows))
-    rest = [info["id"] for info in infos if info["kind"] in ("vector", "euler", "scalar") and columns.rows(info["id"])]
-    return int(max(rest, key=columns.rows)) if rest else None
+def _moving(columns: ColumnStore) -> tuple[int | None, str]:
+    """The channel whose motion is shown, the busiest of the preferred kind, and the name of that motion."""
+    infos = [info for info in columns.manifest.get("channels", ()) if columns.rows(info["id"])]
+
+    def named(words_of: tuple[tuple[str, ...], ...]) -> list[int]:
+        for words in words_of:
+            moving = [
+                info["id"]
+                for info in infos
+                if info["kind"] in ("vector", "record")
+                and any(all(word in text.lower() for word in words) for text in (info["name"], info["title"]))
+            ]
+            if moving:
+                return moving
+        return []
+
+    angles = [info["id"] for info in infos if info["kind"] == "euler" and info["columns"][0]["unit"] == "°"]
+    rest = [info["id"] for info in infos if info["kind"] in ("vector", "euler", "scalar")]
+    kinds = ((named(_ACCELERATION), "|a|"), (angles, ATTITUDE), (named(_RATE), "|rate of turn|"), (rest, ""))
+    some, motion = next(((some, motion) for some, motion in kinds if some), ([], ""))
+    number = int(max(some, key=columns.rows)) if some else None
+    title = next((info["title"] or info["name"] for info in infos if info["id"] == number), "")
+    return number, motion or title
 
 
-def _axes(columns: ColumnStore, number: int) -> list[int]:
-    """The columns that are components: those with an axis, else all floating-point ones, three at most."""
+def _axes(columns: ColumnStore, number: int, motion: str) -> list[int]:
+    """The columns that are components: those with an axis, else all floating-point ones, three at most; of an attitude
+    roll and pitch.
+    """
     info = next(one for one in columns.manifest["channels"] if one["id"] == number)
     axes = [i for i, column in enumerate(info["columns"]) if column.get("axis")]
     floats = [i for i, column in enumerate(info["columns"]) if column["dtype"].startswith("f")]
-    return (axes or floats or [0])[:3]
+    return (floats or [0])[:2] if motion == ATTITUDE else (axes or floats or [0])[:3]
 
 
 INDEX = ".index"
 
 
-def write_index(folder: Path, path: Path, columns: ColumnStore, decoder: str) -> None:
+def write_index(folder: Path, path: Path, summary: Mapping[str, Any], decoder: str) -> None:
     """Store the index of an opened recording in the folder of the library."""
     stat = path.stat()
     key = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, "reading": _choices(path), "decoder": decoder}
-    body = {**key, **summarize(columns)}
-    for device in body["devices"]:
-        if device["name"] == path.name:
-            device["name"] = ""  # it has only its file's name, which may change
+    # one that has only its file's name, which may change, has none
+    devices = [{**one, "name": "" if one["name"] == path.name else one["name"]} for one in summary["devices"]]
+    body = {**key, **summary, "devices": devices}
     with contextlib.suppress(OSError):  # a read-only folder: indexed again each time
         (folder / INDEX).mkdir(exist_ok=True)
         atomic_write.write_atomic(folder / INDEX / f"{path.name}.json", json.dumps(body, ensure_ascii=False))

@@ -26,9 +26,9 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from imuscope.recordings import sidecar
-from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError, disk_error
 from imuscope.recordings.file_names import clean_name
 from imuscope.recordings.library.entry import LibraryEntry
@@ -40,6 +40,7 @@ from imuscope.recordings.library.files import (
     is_file,
     move_files,
     named_groups,
+    state_of,
 )
 from imuscope.recordings.library.index import INDEX, completed, index_of, remove_stale_indexes, write_index
 from imuscope.recordings.library.probe_cache import ProbeCache, Stamp
@@ -88,6 +89,7 @@ class Library:
         self._decoder = decoder
         self._lock = threading.RLock()
         self._probes = ProbeCache()
+        self._entries: dict[Path, tuple[object, LibraryEntry]] = {}  # with the state of all that each was made of
         self._paths: dict[str, Path] = {}
         self._deleted_at: dict[Path, float] = {}  # folder in the bin → by the steady clock, of deletions in this run
         self._last_removal = -math.inf
@@ -176,9 +178,14 @@ class Library:
             files = sorted(self._files(self.folder).items())
         return hash(tuple((path.name, *stamp) for path, stamp in files if path.stem != written))
 
-    def index(self, recording: str, columns: ColumnStore) -> None:
-        """Store the index of an opened recording for the list. KeyError: not found."""
-        write_index(self.folder, self.get(recording).path, columns, self._decoder())
+    def used_bytes(self) -> int:
+        """Size of all recordings, also of those in the bin."""
+        with self._lock:
+            return sum(size for folder in (self.folder, *self._bins()) for size, _ in self._files(folder).values())
+
+    def index(self, recording: str, summary: Mapping[str, Any]) -> None:
+        """Store the summary of an opened recording for the list. KeyError: not found."""
+        write_index(self.folder, self.get(recording).path, summary, self._decoder())
 
     def _live(self, only: str = "") -> list[LibraryEntry]:
         return [
@@ -188,9 +195,9 @@ class Library:
         ]
 
     def _deleted(self) -> list[LibraryEntry]:
-        live = {name for name, _ in named_groups(grouped_files(self._files(self.folder)))}
-        entries = []
-        for folder in self._bins():
+        bins, entries = self._bins(), []
+        live = {name for name, _ in named_groups(grouped_files(self._files(self.folder)))} if bins else ()
+        for folder in bins:
             for name, files in named_groups(grouped_files(self._files(folder))):
                 entry = self._entry(name if name not in live else f"{name}.{folder.name}", files)
                 if entry is not None:
@@ -226,15 +233,21 @@ class Library:
         probe = self._probes.of(path)
         if probe is None:
             return None
+        beside = (sidecar.sidecar_path(path), self.folder / INDEX / f"{path.name}.json")
+        state = (name, tuple(files.items()), probe, *map(state_of, beside), self._decoder())
+        heading = self._probes.take_heading(path)
+        known = self._entries.get(path)
+        if not heading and known is not None and known[0] == state:
+            return known[1]
         size, modified = sum(size for size, _ in files.values()), max(changed for _, changed in files.values()) / 1e9
         entry = LibraryEntry(name, list(files), size, modified, probe, Edits(), [], [], [])
         self._apply_index(entry, stamp)
         entry.edits = sidecar.read(path).over(entry.probe.edits)
-        heading = self._probes.take_heading(path)
         if why := sidecar.error_of(path):
             entry.probe = replace(entry.probe, damaged=why.message)
         elif heading:
             entry.edits = self._recalled(entry, heading)
+        self._entries[path] = state, entry
         return entry
 
     def _may_recall(self, entry: LibraryEntry) -> bool:
@@ -259,7 +272,8 @@ class Library:
             entry.probe = completed(entry.probe, index, entry.path.name)
         except TypeError:  # of a newer imuscope
             return
-        entry.thumbnail, entry.losses = index["thumbnail"], index["losses"]
+        entry.motion, entry.thumbnail = index["motion"], index["thumbnail"]
+        entry.losses, entry.marks = index["losses"], index["marks"]
         entry.marker_texts = index["markers"]
         entry.indexed, entry.is_current = True, index.get("decoder", "") == self._decoder()
 
@@ -416,6 +430,7 @@ class Library:
         remove_stale_indexes(self.folder, self._names)
         there = self._files(self.folder)
         self._probes.keep(lambda path: path in there or (BIN in path.parts and path.exists()))
+        self._entries = {path: known for path, known in self._entries.items() if path in there}
         self._paths = {name: path for name, path in self._paths.items() if path in there}
 
     def _names(self) -> list[str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from imuscope.protocols.arrays import Floats
+from imuscope.protocols.arrays import Floats, Ints
 from imuscope.protocols.clocks.dates import UNKNOWN, S, utc_ns
 from imuscope.protocols.clocks.unix_time import NO_TIME, seconds
 from imuscope.recordings.tables.clock import TableClock
@@ -33,10 +33,13 @@ LEAPS = ((1_483_228_800.0, 18.0), (1_435_708_800.0, 17.0), (1_341_100_800.0, 16.
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Numbers of a column, NaN where there is none, and the rows that hold something else."""
+    """Numbers of a column, NaN where there is none, and the rows that hold something else; of times the ns, too, where
+    they have more digits than a float64.
+    """
 
     values: Floats
     odd: NDArray[np.int64]
+    ns: Ints | None = None
 
 
 def are_hexadecimal(cells: Sequence[str]) -> bool:
@@ -117,11 +120,20 @@ def sample_times(clock: TableClock, rows: Sequence[Sequence[str]], decimal: str 
     return times_of(clock, [pa.array([row[i] for row in rows], pa.string()) for i in clock.columns], decimal).values
 
 
-def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".") -> Cells:
+def times_of(
+    clock: TableClock,
+    columns: Sequence[pa.Array],
+    decimal: str = ".",
+    *,
+    is_exact: bool = False,
+    rest: pa.Array | None = None,
+) -> Cells:
     """Times of a clock, s: since 1970, or since its own zero.
 
     Args:
         columns: those of the clock, in its order.
+        is_exact: whether ns are wanted, too.
+        rest: what the float64 of the first one lack (number_blocks.py).
     """
     if clock.kind == "rows":
         raise ValueError("rows have no columns")
@@ -135,10 +147,11 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
 
         joined = columns[0] if clock.kind == "text" else pc.binary_join_element_wise(columns[0], columns[1], " ")
         texts = _texts(joined, clock.order, of_day=clock.epoch in ("day", "start"))
-        return Cells(texts.values - clock.zone, texts.odd)
+        ns = None if texts.ns is None else np.where(texts.ns == NO_TIME, NO_TIME, texts.ns - round(clock.zone * 1e9))
+        return Cells(texts.values - clock.zone, texts.odd, ns)
     is_ns = clock.kind == "number" and clock.factors == (1e-9,) and clock.base == 10
     if is_ns and (times := of_nanoseconds(columns[0])) is not None:
-        return Cells(_known(clock, times), np.empty(0, np.int64))
+        return Cells(_known(clock, seconds(times)), np.empty(0, np.int64), times)
     cells = [_each(one, hexadecimal_number) if clock.base == 16 else numbers(one, decimal) for one in columns]
     odd = np.unique(np.concatenate([one.odd for one in cells]))
     if clock.kind == "utc":
@@ -149,7 +162,36 @@ def times_of(clock: TableClock, columns: Sequence[pa.Array], decimal: str = ".")
     if clock.kind == "week":
         values = values + GPS_EPOCH
         values = values - _leap(values)
-    return Cells(_known(clock, values), odd)
+    is_plain = is_exact and clock.kind == "number" and clock.base == 10 and not clock.zero_s and decimal == "."
+    ns = _whole_ns(columns[0], cells[0].values, round(clock.factors[0] * 1e9), rest) if is_plain else None
+    return Cells(_known(clock, values), odd, ns)
+
+
+def _whole_ns(column: pa.Array, values: Floats, unit_ns: int, rest: pa.Array | None) -> Ints | None:
+    """Numbers of a unit of whole ns as ns, NO_TIME for none; None if their last digits are not known."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if not unit_ns or (rest is None and pa.types.is_floating(column.type)):
+        return None
+    if rest is None:
+        try:
+            filled = pc.if_else(pc.equal(column, ""), None, column)
+            exact = pc.multiply(pc.cast(filled, pa.decimal128(27, 9)), pa.scalar(unit_ns, pa.decimal128(10, 0)))
+            times: Ints = pc.cast(exact, pa.int64(), safe=False).fill_null(NO_TIME).to_numpy(zero_copy_only=False)
+            return times
+        except pa.ArrowInvalid:
+            return None
+    known = np.abs(values) < 2**63 / unit_ns
+    values = values if known.all() else np.where(known, values, 0.0)
+    whole = np.floor(values)
+    part = values - whole
+    part += rest.to_numpy()
+    part *= unit_ns
+    ns: Ints = whole.astype(np.int64)
+    ns *= unit_ns
+    ns += np.rint(part, out=part).astype(np.int64)
+    return ns if known.all() else np.where(known, ns, NO_TIME)
 
 
 def _known(clock: TableClock, values: Floats) -> Floats:
@@ -158,8 +200,8 @@ def _known(clock: TableClock, values: Floats) -> Floats:
     return np.where(values == 0, np.nan, values) if is_date else values
 
 
-def of_nanoseconds(column: pa.Array) -> Floats | None:
-    """Seconds of whole ns, which have more digits than a float64; NaN for none. None if a cell is something else."""
+def of_nanoseconds(column: pa.Array) -> Ints | None:
+    """Whole ns, which have more digits than a float64; NO_TIME for none. None if a cell is something else."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -168,7 +210,8 @@ def of_nanoseconds(column: pa.Array) -> Floats | None:
         whole = pc.cast(text, pa.int64())
     except pa.ArrowInvalid:
         return None
-    return seconds(whole.fill_null(NO_TIME).to_numpy(zero_copy_only=False))
+    times: Ints = whole.fill_null(NO_TIME).to_numpy(zero_copy_only=False)
+    return times
 
 
 def _leap(gps: Floats) -> Floats:
@@ -205,7 +248,7 @@ def _texts(column: pa.Array, order: Order, *, of_day: bool = False) -> Cells:
             plain = pc.replace_substring_regex(trimmed, "Z$", "")
             moments = pc.cast(pc.if_else(pc.equal(plain, ""), None, plain), pa.timestamp("ns"))
             ns = moments.cast(pa.int64()).fill_null(NO_TIME).to_numpy(zero_copy_only=False)
-            return Cells(seconds(ns), np.empty(0, np.int64))
+            return Cells(seconds(ns), np.empty(0, np.int64), ns)
         except pa.ArrowInvalid:
             pass
 

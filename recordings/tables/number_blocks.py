@@ -68,12 +68,21 @@ def lines_of(file: BinaryIO, skip: int) -> Iterator[bytes]:
         block = file.read(BLOCK_BYTES)
 
 
-def numbers_in(block: bytes, separator: str, names: Sequence[str], columns: Sequence[str]) -> "pa.RecordBatch | None":
-    """Some columns of a block of lines, float64; None if a line has something else than numbers."""
+def numbers_in(
+    block: bytes, separator: str, names: Sequence[str], columns: Sequence[str], timed: Sequence[str] = ()
+) -> "pa.RecordBatch | None":
+    """Some columns of a block of lines, float64; None if a line has something else than numbers.
+
+    Args:
+        timed: columns whose numbers are wanted to their last digit: what the float64 lack are columns at the end.
+    """
     import pyarrow as pa
 
     slots = np.array([columns.index(name) if name in columns else -1 for name in names])
     data = np.frombuffer(block, np.uint8)
-    out = np.empty((len(columns), np.count_nonzero(data == ord("\n"))))
-    rows = numbers_of(data, ord(separator), slots, np.nan, out)
-    return None if rows < 0 else pa.RecordBatch.from_arrays([pa.array(one[:rows]) for one in out], names=[*columns])
+    every = [*columns, *(f"rest of {name}" for name in timed)]
+    rests = np.array([len(columns) + timed.index(name) if name in timed else -1 for name in columns])
+    out = np.empty((len(every), np.count_nonzero(data == ord("\n"))))
+    out[len(columns) :] = 0.0
+    rows = numbers_of(data, ord(separator), slots, np.nan, rests, out)
+    return None if rows < 0 else pa.RecordBatch.from_arrays([pa.array(one[:rows]) for one in out], names=every)

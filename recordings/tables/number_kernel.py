@@ -79,14 +79,27 @@ def _digits(data: Bytes, at: int, number: int) -> tuple[int, int]:
     return number, at
 
 
-@compiled(INT, BYTES, INT, INTS, FLOAT, FLOAT_TABLE)
-def numbers_of(data: Bytes, separator: int, slots: Ints, none: float, out: Floats) -> int:
+@compiled(FLOAT, INT, INT, FLOAT)
+def _remainder(mantissa: int, exponent: int, value: float) -> float:
+    """Part of a number that the nearest float lacks; 0 where it is not known."""
+    if exponent > 0 or exponent < -22:
+        return 0.0
+    by = POWERS[-exponent]
+    product = value * by
+    whole = int(product)
+    remainder: float = (float(mantissa - whole) - (product - float(whole)) - _rest(value, by, product)) / by
+    return remainder
+
+
+@compiled(INT, BYTES, INT, INTS, FLOAT, INTS, FLOAT_TABLE)
+def numbers_of(data: Bytes, separator: int, slots: Ints, none: float, rests: Ints, out: Floats) -> int:
     """Read whole lines.
 
     Args:
         data: ends with a line break.
         slots: of each column its row in `out`, −1 for one that is not wanted.
         none: for an empty cell.
+        rests: of each slot the row in `out`, of zeros, for its remainders: numbers minus the nearest floats; −1: none.
         out: receives the numbers; has room for a row of each line.
 
     Returns:
@@ -150,6 +163,10 @@ def numbers_of(data: Bytes, separator: int, slots: Ints, none: float, out: Float
                     value = _rounded(mantissa, exponent)
                     if value < 0:
                         return REFUSED
+                rest = rests[slot]
+                if rest >= 0:
+                    remainder = _remainder(mantissa, exponent, value)
+                    out[rest, row] = -remainder if is_negative else remainder
                 if is_negative:
                     value = -value
                 while byte == _BLANK or (byte == _TAB and separator != _TAB):

@@ -15,18 +15,18 @@ Times that are not since 1970 are counted from the date in the file's name, else
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from imuscope.protocols.arrays import Floats
+from imuscope.protocols.arrays import Floats, Ints
+from imuscope.protocols.clocks.unix_time import nanoseconds
 from imuscope.protocols.schema.plural import counted, plural
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import ChunkBlock, FileDamage, SourceDevice, remark
 from imuscope.recordings.system.regular_file import open_regular
-from imuscope.recordings.tables.cells import are_hexadecimal, digits, numbers, of_nanoseconds, sample_times, times_of
+from imuscope.recordings.tables.cells import are_hexadecimal, digits, numbers, sample_times, times_of
 from imuscope.recordings.tables.clock import FEWEST_ROWS, MOST_TIMES, TableClock, few_times
 from imuscope.recordings.tables.clocks.axis import TimeAxis, order_words, origin_of, step_limits
 from imuscope.recordings.tables.clocks.evenness import offset_between
@@ -39,6 +39,7 @@ from imuscope.recordings.tables.format import TableFormat, format_of, is_number,
 from imuscope.recordings.tables.headings import ColumnHeading, unique
 from imuscope.recordings.tables.number_blocks import BLOCK_BYTES, HELD_BYTES, FirstPass, is_fast, lines_of, numbers_in
 from imuscope.recordings.tables.options import TableOptions
+from imuscope.recordings.tables.table_rows import TableRows, in_order_of_time
 from imuscope.recordings.tables.time_units import SPELLINGS, UNITS
 from imuscope.recordings.tables.unreadable_cells import UnreadableCells
 from imuscope.recordings.tables.utf8 import Utf8
@@ -59,28 +60,6 @@ _RATE_NAME = re.compile(
     r"^samples?[ _]per[ _]second$"
 )
 _UNIT_OF_NAME = re.compile(r"^(.*?)\s*[(\[]\s*(hz|sps|s|sec|ms|us|µs)\s*[)\]]$")
-
-
-@dataclass(frozen=True, slots=True)
-class TableRows:
-    """Rows of one table: (n,) each; a missing number is NaN.
-
-    Args:
-        table: its name.
-        time, arrival: unix s; time NaN if unknown.
-        columns: by heading, (values, unit). The headings are the same in every block of a table.
-        done: share of the file read, 0..1.
-        frames: of the columns that have one, by heading.
-        segment: number of the segment of the clock, where the file says it.
-    """
-
-    table: str
-    time: Floats
-    arrival: Floats
-    columns: Mapping[str, tuple[Floats, str]]
-    done: float
-    frames: Mapping[str, str] = field(default_factory=dict)
-    segment: Floats | None = None
 
 
 class TableSource:
@@ -255,7 +234,7 @@ class CsvSource(TableSource):
                 else:
                     yield rows
             if held:
-                yield _sorted(held)
+                yield in_order_of_time(held)
         finally:
             self._report(odd)
 
@@ -323,11 +302,13 @@ class CsvSource(TableSource):
         import pyarrow as pa
 
         noted = self.damage if damage is None else damage
+        is_number = self.axis is not None and self.axis.clock.kind == "number" and names is self.names
+        timed = [self.names[i] for i in self._timed] if is_number else []
         try:
             with open_regular(self.path) as file:
                 block = b""
                 for block in lines_of(file, self.form.skip) if self._may_be_numbers() else ():
-                    numbers = numbers_in(block, self.form.separator, self.names, names)
+                    numbers = numbers_in(block, self.form.separator, self.names, names, timed)
                     if numbers is None:
                         yield from self._texts(io.BytesIO(block), 0, names, odd, noted)
                     elif len(numbers):
@@ -374,19 +355,26 @@ class CsvSource(TableSource):
         """Rows of a batch: those with a time, in an export of ours also those that have only an arrival."""
         clock, decimal = axis.clock, self.form.decimal
         if clock.kind == "rows":
-            raw = np.arange(parsed, parsed + len(batch)) * clock.factors[0]
+            raw, whole_ns = np.arange(parsed, parsed + len(batch)) * clock.factors[0], None
         else:
-            cells = times_of(clock, [batch.column(column) for column in clock.columns], decimal)
-            raw = cells.values
+            own = [batch.column(column) for column in clock.columns]
+            cells = times_of(clock, own, decimal, is_exact=True, rest=self._rest(batch, 0))
+            raw, whole_ns = cells.values, cells.ns
             for column in clock.columns[:1]:
                 self._unreadable.note(column, batch.column(column), cells, parsed)
         time = np.full(len(batch), np.nan)
         has_time = np.isfinite(raw)
         time[has_time] = axis.times(raw[has_time], known_before)
-        arrival = time
+        time_ns = whole_ns
+        if whole_ns is not None and not (is_whole := time == raw).all():
+            time_ns = np.where(is_whole, whole_ns, nanoseconds(time))
+        arrival, arrival_ns = time, time_ns
         if self.arrival_column is not None:
-            arrival = self._arrivals(batch.column(self.arrival_column), axis)
-            arrival = np.where(np.isnan(arrival), time, arrival)
+            arrival, arrival_ns = self._arrivals(batch, axis)
+            has_none = np.isnan(arrival)
+            if has_none.any() and arrival_ns is not None:
+                arrival_ns = np.where(has_none, nanoseconds(time) if time_ns is None else time_ns, arrival_ns)
+            arrival = np.where(has_none, time, arrival)
         is_known = np.isfinite(arrival) if self.is_export else has_time
         known: Any = slice(None) if is_known.all() else is_known  # a slice copies nothing
         is_filled = np.zeros(np.count_nonzero(~is_known), np.bool_)
@@ -413,15 +401,28 @@ class CsvSource(TableSource):
             columns[f"{axis.name} (clock)" if axis.name in columns else axis.name] = (raw[known], "s")
         frames = {name: one.frame for name, one in zip(self.names, self.headings, strict=True) if one.frame}
         segment = None if self._segment is None else numbers(batch.column(self._segment), decimal).values[known]
-        return TableRows(self.path.stem, time[known], arrival[known], columns, done, frames, segment)
+        exact = (None if one is None else one[known] for one in (time_ns, arrival_ns))
+        return TableRows(self.path.stem, time[known], arrival[known], columns, done, frames, segment, *exact)
 
-    def _arrivals(self, column: "pa.Array", axis: TimeAxis) -> Floats:
+    @property
+    def _timed(self) -> list[int]:
+        """Columns that are read to their last digit: that of the clock, then that of the arrivals."""
+        columns = [] if self.axis is None else [*self.axis.clock.columns[:1], self.arrival_column]
+        return [i for i in columns if i is not None]
+
+    def _rest(self, batch: "pa.RecordBatch", number: int) -> "pa.Array | None":
+        """Remainders of a column of `_timed`, which its float64 lack; None where it is text."""
+        at = len(self.names) + number
+        return batch.column(at) if batch.num_columns > at else None
+
+    def _arrivals(self, batch: "pa.RecordBatch", axis: TimeAxis) -> tuple[Floats, Ints | None]:
         assert self.arrival_column is not None
         unit = SPELLINGS.get(self.headings[self.arrival_column].unit.lower(), "")
         factor = UNITS[unit] if unit else axis.clock.factors[-1] if axis.clock.kind == "number" else 1.0
-        whole = of_nanoseconds(column) if factor == UNITS["ns"] else None
-        times = numbers(column, self.form.decimal).values * factor if whole is None else whole
-        return times + axis.origin
+        column = batch.column(self.arrival_column)
+        clock = TableClock("", (self.arrival_column,), "number", factors=(factor,), epoch="start")
+        cells = times_of(clock, [column], self.form.decimal, is_exact=True, rest=self._rest(batch, 1))
+        return cells.values + axis.origin, cells.ns if not axis.origin else None
 
     # -- what cannot be read -------------------------------------------------------------------------------------------
 
@@ -449,22 +450,6 @@ class CsvSource(TableSource):
 
     def texts(self) -> Mapping[str, str]:
         return {self.names[i]: text for i, text in self._unreadable.texts().items()}
-
-
-def _sorted(blocks: Sequence[TableRows]) -> TableRows:
-    """The rows of all blocks as one, by their times."""
-    last = blocks[-1]
-    times = np.concatenate([np.where(np.isnan(one.time), one.arrival, one.time) for one in blocks])
-    order = np.argsort(times, kind="stable")
-
-    def joined(pieces: Sequence[Floats]) -> Floats:
-        values: Floats = np.concatenate(pieces)[order]
-        return values
-
-    columns = {name: (joined([one.columns[name][0] for one in blocks]), last.columns[name][1]) for name in last.columns}
-    segment = None if last.segment is None else joined([one.segment for one in blocks if one.segment is not None])
-    time, arrival = joined([one.time for one in blocks]), joined([one.arrival for one in blocks])
-    return replace(last, time=time, arrival=arrival, columns=columns, segment=segment)
 
 
 def is_rate_name(name: str) -> bool:

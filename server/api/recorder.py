@@ -6,7 +6,14 @@ from imuscope.server.api.dependencies import TheServices
 from imuscope.server.api.errors import check_length, responses
 from imuscope.server.api.lazy_routes import lazy_router
 from imuscope.server.errors import DomainError
-from imuscope.server.library.api_models import HeldBytes, MarkerRequest, SavedMemory, SaveMemoryRequest, StartRequest
+from imuscope.server.library.api_models import (
+    HeldBytes,
+    LibraryStorage,
+    MarkerRequest,
+    SavedMemory,
+    SaveMemoryRequest,
+    StartRequest,
+)
 
 router = lazy_router(tags=["recorder"])
 
@@ -48,6 +55,12 @@ async def get_memory(services: TheServices) -> list[HeldBytes]:
         if link is not None and (span := link.span) is not None:
             rows.append(HeldBytes(device, span[0] / 1e9, span[1] / 1e9, link.nbytes))
     return rows
+
+
+@router.get("/api/recorder/storage")
+async def get_storage(services: TheServices) -> LibraryStorage:
+    """Disk space: the share of recordings, free space, and the quota."""
+    return await services.catalogue.storage(services.recorder.plan.quota_bytes)
 
 
 @router.post("/api/recordings/save-memory", responses=responses(404, 422, 507))

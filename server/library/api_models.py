@@ -33,9 +33,21 @@ class RecordingInfo:
     damaged: str = ""  # one sentence; "" if undamaged
     remark: str = ""  # sentences: what of it is left out, and how it was read
     markers: int = 0
-    thumbnail: list[list[float]] = field(default_factory=list)  # min and max of |rate of turn| or similar, 0..1
+    read: bool = False  # its contents are known: motion, losses, counts
+    motion: str = ""  # what the thumbnail shows: "|a|", "attitude", "|rate of turn|" or the title of a quantity
+    thumbnail: list[list[float]] = field(default_factory=list)  # min and max of each part, 0..1; [] without samples
     losses: list[float] = field(default_factory=list)  # positions of lost samples, 0..1 of the duration
+    marks: list[float] = field(default_factory=list)  # those of markers
     deleted: float | None = None  # time of deletion, while it is in the bin
+
+
+@dataclass(slots=True)
+class LibraryStorage:
+    """Disk space of the library, bytes."""
+
+    used: int  # by recordings, also those in the bin
+    free: int  # on its disk
+    quota: int = 0  # above which the oldest unpinned recordings are deleted; 0 for none
 
 
 @dataclass(slots=True)

@@ -14,19 +14,22 @@ reported within `CHECK_INTERVAL_S` while the library is viewed.
 import asyncio
 import contextlib
 import logging
+import shutil
 import time
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Any
 
+from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.library.entry import LibraryEntry
+from imuscope.recordings.library.index import places
 from imuscope.recordings.library.library import Library
 from imuscope.recordings.library.recording_probe import TABLE_FORMATS, RecordingProbe
 from imuscope.recordings.sidecar import MarkerInfo
 from imuscope.server.concurrency.heartbeat import beat
 from imuscope.server.concurrency.tasks import end_tasks
-from imuscope.server.library.api_models import RecordingInfo
+from imuscope.server.library.api_models import LibraryStorage, RecordingInfo
 from imuscope.server.library.column_cache import ColumnCache
 from imuscope.server.library.foreign_files import ForeignFiles
 from imuscope.server.streaming.bus import TelemetryBus
@@ -37,7 +40,7 @@ log = logging.getLogger("imuscope.library")
 CHECK_INTERVAL_S = 2.0
 LISTS_EVERY = 15  # checks: a listing reads a file of each recording, and most checks find nothing new
 VIEWED_S = 60.0  # after a listing the library counts as viewed
-MAX_BYTES = 100_000_000  # of a file opened only for its thumbnail: seconds of a core, at low priority
+MAX_BYTES = 500_000_000  # of a file opened only for its thumbnail: half a minute of a core, at low priority
 
 
 class Catalogue:
@@ -61,6 +64,7 @@ class Catalogue:
         self._listing: list[LibraryEntry] | None = None  # of an earlier check; None once it may be out of date
         self._checks = 0
         self._watcher: asyncio.Task[None] | None = None
+        self._reader: asyncio.Task[None] | None = None
         self._refreshing: set[asyncio.Task[None]] = set()
         self._listed = -VIEWED_S
         self._tried: set[tuple[object, ...]] = set()
@@ -74,7 +78,7 @@ class Catalogue:
             self._listed = time.monotonic()
             self._cache(self._columns.prepare(), "preparing to open")
             self._cache(self.files.prepare(), "preparing to read files")
-        return [self.to_api(entry) for entry in entries]
+        return await asyncio.to_thread(lambda: [self.to_api(entry) for entry in entries])
 
     async def entries(self, search: str = "") -> list[LibraryEntry]:
         """As Library.all, after new files have been read."""
@@ -154,10 +158,22 @@ class Catalogue:
             damaged="" if recording else probe.damaged,
             remark="" if recording else probe.remark,
             markers=entry.markers,
+            read=entry.indexed,
+            motion=entry.motion,
             thumbnail=entry.thumbnail,
             losses=entry.losses,
+            marks=sorted({*entry.marks, *places((one.time for one in edits.markers), probe.started, probe.duration)}),
             deleted=entry.deleted,
         )
+
+    async def storage(self, quota_bytes: int) -> LibraryStorage:
+        """Disk space of the library. OSError: the disk does not answer."""
+        folder = self.library.folder
+        place = folder if folder.is_dir() else folder.parent
+        used, disk = await asyncio.gather(
+            asyncio.to_thread(self.library.used_bytes), asyncio.to_thread(shutil.disk_usage, place)
+        )
+        return LibraryStorage(used, disk.free, quota_bytes)
 
     def rename(self, recording: str, name: str) -> LibraryEntry:
         """Rename its file, and keep its decoded columns. Raises as Library.rename."""
@@ -199,29 +215,55 @@ class Catalogue:
         task.add_done_callback(self._refreshing.discard)
 
     async def _open_for_list(self, recording: str) -> None:
+        if await self._read_contents(recording):
+            self.changed()
+
+    async def _read_contents(self, recording: str) -> bool:
+        """Open a recording for its summary; returns whether it has one now."""
         try:
-            columns = await self._columns.opened(recording)
-            await asyncio.to_thread(self.library.index, recording, columns)
+            await self._summarize(recording, await self._columns.opened(recording))
         except (KeyError, OSError):
-            return  # deleted by now
+            return False  # deleted by now
         except RecordingError as error:
             log.info("%s cannot be opened: %s", recording, error)
-            return
-        self.changed()
+            return False
+        return True
 
-    def _open_newest(self, entries: list[LibraryEntry]) -> None:
-        """Open the newest recording that this decoder never opened, for the list, unless another is being opened."""
-        busy = self._refreshing or (self._bus.recorder.latest is not None and self._bus.recorder.latest.running)
-        if busy or time.monotonic() - self._listed > VIEWED_S or not self._clients.shedding.draws_pictures:
-            return
+    async def _summarize(self, recording: str, columns: ColumnStore) -> None:
+        """Store the summary of an opened recording for the list. KeyError, OSError: deleted or renamed by now."""
+        function = "imuscope.recordings.library.index:summary_in"
+        user = "the library"
+        summary: dict[str, Any] = await self.files.call(function, columns.folder, returns=dict[str, Any], user=user)
+        await asyncio.to_thread(self.library.index, recording, summary)
+
+    def _read_further(self, entries: list[LibraryEntry]) -> None:
+        """Begin to read the recordings that this decoder never opened, the newest first, unless that has begun."""
+        if self._may_read and (self._reader is None or self._reader.done()):
+            self._reader = asyncio.get_running_loop().create_task(self._read_unread(entries), name="reading recordings")
+
+    @property
+    def _may_read(self) -> bool:
+        """Whether recordings may be read for the list: it is viewed, and the machine has nothing better to do."""
+        is_busy = self._refreshing or self._written
+        is_viewed = time.monotonic() - self._listed <= VIEWED_S
+        return not is_busy and is_viewed and self._clients.shedding.draws_pictures
+
+    async def _read_unread(self, entries: list[LibraryEntry]) -> None:
         marks = [(entry.path, entry.size, entry.modified, str(entry.edits.reading)) for entry in entries]
         self._tried &= set(marks)
+        reported, has_more = time.monotonic(), False
         for entry, mark in zip(entries, marks, strict=True):
             if entry.is_current or entry.deleted is not None or not 0 < entry.size <= MAX_BYTES or mark in self._tried:
                 continue
+            if not self._may_read:
+                break
             self._tried.add(mark)
-            self._cache(self._open_for_list(entry.id), f"looking at {entry.path.name}")
-            return
+            has_more = await self._read_contents(entry.id) or has_more
+            if has_more and time.monotonic() - reported > CHECK_INTERVAL_S:  # pages load the list at each report
+                self.changed()
+                reported, has_more = time.monotonic(), False
+        if has_more:
+            self.changed()
 
     # ── watching ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -235,8 +277,7 @@ class Catalogue:
 
     async def close(self) -> None:
         """Stop watching the folder, and reading files."""
-        tasks = [*self._refreshing, *([self._watcher] if self._watcher is not None else [])]
-        await end_tasks(*tasks)
+        await end_tasks(*self._refreshing, *filter(None, (self._watcher, self._reader)))
         await self.files.close()
 
     async def _watch(self) -> None:
@@ -265,7 +306,7 @@ class Catalogue:
         if has_changed or (self._stamp is not None and stamp != self._stamp):
             self.changed()
         self._stamp = stamp
-        self._open_newest(entries)
+        self._read_further(entries)
 
     async def _index(self, entries: list[LibraryEntry]) -> bool:
         """Store information on recordings opened since the last call; returns whether the entries are out of date."""
@@ -275,8 +316,8 @@ class Catalogue:
                 continue
             columns = self._columns.cached(entry.id)
             if columns is not None:
-                with contextlib.suppress(KeyError, OSError):  # deleted or renamed since it was listed
-                    await asyncio.to_thread(self.library.index, entry.id, columns)
+                with contextlib.suppress(KeyError, OSError, RecordingError):
+                    await self._summarize(entry.id, columns)
                 has_changed = True
         return has_changed
 

@@ -17,7 +17,8 @@ from imuscope.recordings.sources import damage_of, remark
 from imuscope.recordings.tables.clocks.axis import TimeAxis
 from imuscope.recordings.tables.clocks.steps import StepOfClock, step_words
 from imuscope.recordings.tables.headings import axis_of, grouped
-from imuscope.recordings.tables.table_source import DEVICE, TableRows, TableSource
+from imuscope.recordings.tables.table_rows import TableRows
+from imuscope.recordings.tables.table_source import DEVICE, TableSource
 from imuscope.server import wire
 from imuscope.server.wire import codec as wire_codec
 
@@ -60,8 +61,10 @@ class _Tables:
             plan = self._plans[form] = self._begin(rows)
         before = self.counts.get(rows.table, 0)
         place = np.arange(before, before + len(rows.time), dtype=np.float64)
-        arrival = nanoseconds(rows.arrival)
-        time = arrival if np.array_equal(rows.time, rows.arrival) else nanoseconds(rows.time)
+        time = nanoseconds(rows.time) if rows.time_ns is None else rows.time_ns
+        arrival = rows.arrival_ns
+        if arrival is None:
+            arrival = time if np.array_equal(rows.time, rows.arrival) else nanoseconds(rows.arrival)
         for number, headings in plan:
             columns = [rows.columns[name][0] for name in headings]
             there: Any = slice(None)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.importers.open_file import open_file
+from imuscope.recordings.library.index import summary_in
 from imuscope.recordings.sidecar import stored_reading
 from imuscope.recordings.system.parent_death import report_to_parent
 from imuscope.recordings.system.resource_limits import bounded_by
@@ -37,7 +38,7 @@ def main() -> None:
         source = open_file(path)
         usual = DecodeOptions("", request.get("reading", {}))
         shown = lambda folder: report_to_parent(shown=str(folder))  # noqa: E731
-        decode(
+        columns = decode(
             source,
             store,
             all_protocols(),
@@ -47,6 +48,7 @@ def main() -> None:
             usual,
             compute_signals,
         )
+        summary_in(columns.folder)
         write_source(store, path, stamp, stored)
 
 

@@ -16,12 +16,14 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from imuscope.recordings import sidecar
 from imuscope.server.devices.decode.decode_options import DecodeOptions
 from imuscope.server.extensions.fleet.store.store import location
 from imuscope.server.extensions.fleet.upload.upload import upload
@@ -41,6 +43,7 @@ MAX_BYTES = 150_000
 MOVING_SIZE, MOVING_S, MOVING_MAX_BYTES = (1120, 700), 5.0, 1_500_000
 FILLED_S = 40  # the simulators have turned by then, and the window is full
 RECORDED_S = 25
+FIRST_DRIVE = 1_795_000_000  # unix s
 WAIT_MS = 120_000
 QUESTION = """SELECT minute, mean, axis, robot, recording
 FROM minutes
@@ -97,6 +100,7 @@ class Studio:
             color_scheme="light" if theme == "light" else "dark",
             has_touch=size == PHONE,
         )
+        context.add_init_script(chromium.NOT_THE_FIRST_MINUTE)
         page = context.new_page()
         page.goto(f"{url.rstrip('/')}/{at}")
         yield page
@@ -350,16 +354,33 @@ def corrections(studio: Studio) -> None:
 # -- Recordings --------------------------------------------------------------------------------------------------------
 
 
+DRIVES = (  # title, notes, tags
+    ("", "", ()),
+    ("Yard loop, new mast", "Three laps, kerb at the end. Tyre swapped after lap 2.", ("yard", "mast")),
+    ("", "Vibration at 92 Hz, see marker", ("yard",)),
+    ("", "", ("route",)),
+    ("Warehouse A to C", "", ("route",)),
+    ("", "", ()),
+    ("Crane test", "Battery pulled at the end.", ("crane",)),
+    ("", "", ("route",)),
+)
+
+
 @picture("library")
 def library(studio: Studio) -> None:
-    with opened(studio):  # contents of an opened recording are known: its thumbnail, messages, losses
-        limit = time.monotonic() + PATIENCE_S
-        while not studio.request("GET", "/api/recordings")[0]["opened"] and time.monotonic() < limit:
-            time.sleep(0.5)
-    with studio.page(at="#/recordings") as page:
-        until(page, "document.querySelector('.recording-list tbody tr b a') !== null")
-        page.locator(".recording-list tbody tr").first.click()
-        time.sleep(2)
+    folder = studio.folder / "drives" / "recordings"
+    folder.mkdir(parents=True)
+    for n, (title, notes, tags) in enumerate(DRIVES):
+        started = FIRST_DRIVE - n * 47_000
+        path = folder / f"{datetime.fromtimestamp(started, UTC):%Y%m%dT%H%M%SZ}-MTi-630.mcap"
+        drive(path, seconds=9.0 + 7 * n, started_ns=started * 10**9)
+        sidecar.write(path, sidecar.Edits(title or path.stem, tags, notes))
+    with ServerProcess("udp://:0", data=folder.parent) as server, studio.page_of(server.url, "#/recordings") as page:
+        until(page, f"document.querySelectorAll('.recording-list canvas').length === {len(DRIVES)}")
+        page.locator(".recording-list tbody tr .c-length").nth(1).click()
+        page.locator(".recording-list tbody tr .c-length").nth(3).click(modifiers=["Control"])
+        until(page, "document.querySelector('.selection-bar') !== null")
+        time.sleep(1)
         keep(page, "library")
 
 

@@ -33,6 +33,9 @@ def channel(
 ACCELERATION = channel(
     1, "1", "MTData2", "Acceleration", "vector", [column(axis, "f4", "m/s²", axis) for axis in "xyz"]
 )
+ANGLES = channel(
+    1, "1", "MTData2", "EulerAngles", "euler", [column(name, "f4", "°") for name in ("roll", "pitch", "yaw")]
+)
 COUNTER = channel(2, "1", "MTData2", "PacketCounter", "counter", [column("value", "u2")])
 TEMPERATURE = channel(3, "1", "MTData2", "Temperature", "scalar", [column("value", "f8", "°C")])
 SATELLITES = channel(4, "1", "MTData2", "GnssSatInfo", "table", [column("svid", "u1"), column("cno", "u1", "dBHz")])
@@ -68,7 +71,13 @@ def store(folder: Path, n: int = 1000, rate: float = 100.0, devices: int = 2) ->
     ]
     events = [{"kind": "gap", "t0": START + 1.0, "t1": START + 1.1}]
     details = {"channels": infos, "devices": about[:devices], "started": START, "ended": float(arrival[-1])}
-    more = {"events": events, "markers": [{"text": "kerb"}], "damage": [], "format": "mcap", "figures": {}}
+    more = {
+        "events": events,
+        "markers": [{"text": "kerb", "time": START + 2.0}],
+        "damage": [],
+        "format": "mcap",
+        "figures": {},
+    }
     return writer.finish({**details, **more})
 
 

@@ -118,6 +118,7 @@ ARROWS: Mapping[str, str] = {
         signals <- data
         forms <- data requests
         measure <- data
+        guide <- ui/controls
         page <- extension signals forms measure
         panels <- page
         plots <- charts page

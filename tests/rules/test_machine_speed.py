@@ -44,7 +44,7 @@ AGE = "the age of a file"
 PACE = "the pace of a sender"
 LISTED: dict[str, tuple[dict[str, int], str]] = {
     "browser/guide_pictures.py": (
-        {"clock": 6, "wait": 18},
+        {"clock": 4, "wait": 17},
         "pictures for the guide, taken by hand of a page that runs",
     ),
     "browser/test_messages.py": ({"clock": 2}, STAMPS),

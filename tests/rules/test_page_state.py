@@ -20,6 +20,7 @@ LISTED: dict[str, tuple[set[str], str]] = {
     "page/route.ts": ({"route", "reopened"}, "a document has one address, which it may open once more"),
     "panels/registry.ts": ({"panels", "added"}, "filled while modules are loaded: those of packages come later"),
     "plots/canvas-style.ts": ({"hatches"}, "a cache of patterns"),
+    "recordings/library-filter.ts": ({"namesIn", "texts"}, "caches by list, and by recording"),
     "recordings/visible-range.ts": ({"#lastPixels"}, "a first guess, until its plots have a width"),
     "ui/dom/canvas.ts": ({"cache", "cachedTheme"}, "colours of the theme, read once"),
     "ui/dom/theme.ts": ({"theme"}, "a document has one theme"),

@@ -60,6 +60,9 @@ NOT_WANTED = (
 )
 ARGUMENTS.append(f"--disable-features={','.join(NOT_WANTED)}")
 
+NOT_THE_FIRST_MINUTE = "try { localStorage.setItem('imuscope.first-minute', 'dismissed') } catch {}"
+"""Runs before a page: its line on simulators has been dismissed."""
+
 # A screen of three frames a second, and of one more when `drawSoon` is called. Without a graphics card the processor
 # paints, 40 ms for a frame: at the sixty that Chromium asks for, each page that a test opens takes a core and makes the
 # others late.

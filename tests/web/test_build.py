@@ -88,7 +88,7 @@ def test_the_first_load_stays_within_its_budget() -> None:
     first = [frame, *(page / name for name in named), *page.glob("assets/socket-worker-*.js")]
     every = [path for path in page.rglob("*") if path.is_file() and path.suffix not in {".gz", ".br"}]
     assert sum(map(_compressed, first)) <= 200_000, "bytes of the first load, compressed"
-    assert sum(map(_compressed, every)) <= 400_000, "bytes of the whole page, compressed"
+    assert sum(map(_compressed, every)) <= 480_000, "bytes of the whole page with its guide, compressed"
 
 
 def _compressed(path: Path) -> int:

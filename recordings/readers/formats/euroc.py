@@ -23,7 +23,8 @@ from imuscope.recordings.readers.formats.table_set import TableSet
 from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.system.regular_file import open_regular
 from imuscope.recordings.tables.options import TableOptions
-from imuscope.recordings.tables.table_source import CsvSource, TableRows, TableSource
+from imuscope.recordings.tables.table_rows import TableRows
+from imuscope.recordings.tables.table_source import CsvSource, TableSource
 
 MAX_SENSOR_BYTES = 1 << 16  # bytes of a sensor.yaml that are read
 _SEGMENTS = re.compile(r"^# Segments of the clock begin at, unix s: (\[.*\])$", re.MULTILINE)

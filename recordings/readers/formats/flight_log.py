@@ -21,7 +21,8 @@ from imuscope.recordings.tables.clock import TableClock
 from imuscope.recordings.tables.clocks.axis import TimeAxis, origin_of
 from imuscope.recordings.tables.clocks.steps import ClockWatch
 from imuscope.recordings.tables.format import TableFormat
-from imuscope.recordings.tables.table_source import TableRows, TableSource
+from imuscope.recordings.tables.table_rows import TableRows
+from imuscope.recordings.tables.table_source import TableSource
 
 BLOCK_BYTES = 8 << 20
 MOST_TABLES, MOST_COLUMNS = 512, 256

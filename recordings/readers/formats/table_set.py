@@ -8,7 +8,8 @@ from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.sources import FileDamage, remark
 from imuscope.recordings.tables.clocks.axis import LAST_CHANGE, TimeAxis
 from imuscope.recordings.tables.dates import dated_name
-from imuscope.recordings.tables.table_source import TableRows, TableSource
+from imuscope.recordings.tables.table_rows import TableRows
+from imuscope.recordings.tables.table_source import TableSource
 
 
 def _dated_by_a_clock(tables: Sequence[TableSource]) -> TimeAxis | None:

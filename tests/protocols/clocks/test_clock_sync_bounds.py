@@ -11,21 +11,23 @@ from tests.support.each_row import each_row
 
 EPOCH_NS = 17 * 10**17
 SIZE, BYTE_NS = 60, 10_850
-TRUTHS, SECONDS = 12, 25
+TRUTHS, SECONDS = 200, 25
 
 
 def observed(rate: float, delayed: Callable[[Floats], Floats], random: np.random.Generator) -> Floats:
     """Error of the newest time and its ±, ms, and of the drift and its ±, ppm (NaN while withheld).
 
-    (n, 4), each tenth of a second from the tenth second on, of a device whose drift and phase are random.
+    (n, 4), each second from the tenth on, in some truths each tenth of a second as live, of a device whose drift and
+    phase are random.
     """
+    per_s = 10 if random.random() < 0.05 else 1
     ppm, count = random.uniform(-60, 60), int(rate * SECONDS)
     true = np.arange(count) / rate + random.uniform(0, 1 / rate)
     device = (np.floor((true * (1 + ppm * 1e-6) + 5) * 10_000) * 100_000).astype(np.int64)
     arrival = np.maximum.accumulate(delayed(true + SIZE * BYTE_NS * 1e-9))
     clock = ClockSync(BYTE_NS)
     rows = []
-    ends = [*(np.flatnonzero(np.diff(np.floor(arrival * 10))) + 1).tolist(), count]
+    ends = [*(np.flatnonzero(np.diff(np.floor(arrival * per_s))) + 1).tolist(), count]
     for first, last in zip([0, *ends[:-1]], ends, strict=True):
         [*_, host] = clock.add(device[first:last], (arrival[first:last] * 1e9).astype(np.int64) + EPOCH_NS, SIZE)
         if arrival[last - 1] > 10:

@@ -67,6 +67,23 @@ def rows(store: ColumnStore, span: tuple[int, int]) -> dict[str, Any]:
     return out
 
 
+def test_a_short_range_has_the_unit_that_the_whole_has_settled(tmp_path: Path) -> None:
+    """A tenth of a second does not tell it; and a live event that names a unit without its option is no obstacle."""
+    path, device = tmp_path / "ms.mcap", IdtpSimulator(tick_ns=1_000_000)
+    writer = McapWriter(path, {})
+    writer.device("1", {"link": "serial", "protocol": "idtp"})
+    for n in range(1, 600):
+        if data := device.advance(n * 10_000_000):
+            writer.chunk("1", "rx", data, START + n * 10_000_000)
+    live = {"kind": "device", "level": "warning", "text": "ms", "device": "1", "data": {"reason": "unit", "unit": "ms"}}
+    writer.event(live, START)
+    writer.close()
+    original = imuscope.open(path)
+    (made,) = original.export(tmp_path / "part.imuscope.mcap", begin_s=BEGIN_S, end_s=BEGIN_S + 0.1)
+    assert open_file(made).devices["1"].identity["time_unit"] == "ms"
+    assert imuscope.open(made)["RateOfTurn"].rate == pytest.approx(original["RateOfTurn"].rate, rel=0.05)
+
+
 @each_row("family", list(SIMULATORS))
 def test_its_chunks_are_those_of_the_range_and_its_rows_those_of_the_original(tmp_path: Path, family: str) -> None:
     path = whole(tmp_path / "whole.mcap", family)

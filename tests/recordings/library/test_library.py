@@ -6,13 +6,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import mcap.writer
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imuscope.recordings.columns.store import ChannelLayout, ColumnStoreWriter
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.file_names import clean_name
 from imuscope.recordings.library import quota
+from imuscope.recordings.library.index import summarize, thumbnail
 from imuscope.recordings.library.library import INDEX, KEPT_S, STALE_S, Library
 from imuscope.recordings.library.probe import is_pinned as pinned_in_file
 from imuscope.recordings.library.quota import BIN, cull, excess_bytes, is_pinned, is_short
@@ -20,7 +23,7 @@ from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.writer import McapWriter
 from imuscope.recordings.readers.file_suffixes import suffixes
 from imuscope.recordings.sidecar import Edits, MarkerInfo, sidecar_path
-from tests.recordings.store_fixtures import NS, START, recording, store
+from tests.recordings.store_fixtures import ACCELERATION, ANGLES, NS, START, recording, store
 from tests.support.each_row import each_row
 from tests.support.manual_clock import ManualClock
 from tests.support.read_library import ReadLibrary
@@ -266,12 +269,12 @@ def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None
     recording(tmp_path / "a.mcap")
     library = ReadLibrary(tmp_path)
     assert not library.get("a").indexed
-    library.index("a", store(tmp_path / "store", devices=1))
+    library.index("a", summarize(store(tmp_path / "store", devices=1)))
     entry = library.get("a")
     assert entry.indexed
-    assert len(entry.thumbnail) == 64
-    assert max(high for _, high in entry.thumbnail) == 1.0
+    assert (entry.motion, len(entry.thumbnail)) == ("|a|", 64)
     assert all(0 <= low <= high <= 1 for low, high in entry.thumbnail)
+    assert entry.marks == [pytest.approx(0.2, abs=0.002)]
     assert entry.losses == [pytest.approx(0.1, abs=0.002)]
     assert entry.probe.devices[0].product == "MTi-630"
     assert ids(library, "kerb") == ["a"]
@@ -280,15 +283,53 @@ def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None
     assert not library.get("a").indexed  # another file by now
 
 
+def test_what_stands_still_is_a_line_and_gaps_of_samples_are_empty(tmp_path: Path) -> None:
+    """Regression: noise of a resting sensor filled its picture, as a drive does."""
+    n = 1000
+    time = START + np.arange(n) / 100 + 5.0 * (np.arange(n) >= n // 2)
+    still = np.stack((np.zeros(n), np.zeros(n), 9.81 + 0.02 * (-1.0) ** np.arange(n)))
+    tilt = np.stack((np.linspace(-30, 30, n), np.zeros(n), np.linspace(0, 300, n)))
+    for values, info, motion in ((still, ACCELERATION, "|a|"), (tilt, ANGLES, "attitude")):
+        writer = ColumnStoreWriter(tmp_path / motion)
+        writer.channel(1, ChannelLayout(("f8",) * 3, (False,) * 3))
+        writer.append(1, [time, time, *values])
+        columns = writer.finish({"channels": [{**info, "id": 1}], "started": time[0], "ended": time[-1]})
+        named, pairs = thumbnail(columns)
+        assert (named, len(pairs)) == (motion, 64)
+        assert pairs[32] == []  # within the five seconds without samples
+        drawn = [pair for pair in pairs if pair]
+        assert len(drawn) < 50
+        extent = max(high for _, high in drawn) - min(low for low, _ in drawn)
+        assert extent == pytest.approx(0.04 / (0.1 * 9.83) if motion == "|a|" else 1.0, abs=0.01)
+
+
+def test_an_unchanged_recording_is_listed_without_reading_anything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in "abc":
+        recording(tmp_path / f"{name}.mcap")
+    library = ReadLibrary(tmp_path)
+    library.index("a", summarize(store(tmp_path / "store", devices=1)))
+    library.all()
+    reads = list[Path]()
+    for module in ("sidecar", "library.index"):
+        monkeypatch.setattr(f"imuscope.recordings.{module}.read_regular", lambda path: reads.append(path) or b"")
+    (first, *_) = library.all()
+    assert (first.indexed, reads) == (True, [])
+    monkeypatch.undo()
+    library.edit("b", Edits(notes="Three laps."))
+    assert [entry.edits.notes for entry in library.all() if entry.id == "b"] == ["Three laps."]
+
+
 def test_findings_of_another_decoder_are_listed_until_it_is_opened_again(tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
     columns = store(tmp_path / "store", devices=1)
-    ReadLibrary(tmp_path).index("a", columns)
+    ReadLibrary(tmp_path).index("a", summarize(columns))
     assert ReadLibrary(tmp_path).get("a").is_current
     later = ReadLibrary(tmp_path, decoder=lambda: "2")
     entry = later.get("a")
     assert (entry.indexed, entry.is_current, len(entry.thumbnail)) == (True, False, 64)
-    later.index("a", columns)
+    later.index("a", summarize(columns))
     assert later.get("a").is_current
 
 
@@ -297,7 +338,7 @@ def test_an_unnamed_device_is_named_after_the_renamed_file(tmp_path: Path) -> No
     library = ReadLibrary(tmp_path)
     columns = store(tmp_path / "store", devices=1)
     columns.manifest["devices"][0]["name"] = "a.bin"
-    library.index("a", columns)
+    library.index("a", summarize(columns))
     assert [device.name for device in library.get("a").probe.devices] == ["a.bin"]
     entry = library.rename("a", "battery pulled")
     assert entry.indexed

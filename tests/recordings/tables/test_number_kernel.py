@@ -1,5 +1,6 @@
 """Numbers of a table: each the nearest float, as Python reads it, and blocks with anything else refused."""
 
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ NUMBERS = st.one_of(DIGITS, st.floats(allow_nan=False, allow_infinity=False).map
 def read(text: bytes, columns: int, separator: str = ",", read_by: Any = numbers_of) -> Any:
     """(columns, rows) the numbers; None if they are refused."""
     out = np.full((columns, text.count(b"\n")), -7.0)
-    rows = read_by(np.frombuffer(text, np.uint8), ord(separator), np.arange(columns), np.nan, out)
+    rows = read_by(np.frombuffer(text, np.uint8), ord(separator), np.arange(columns), np.nan, np.full(columns, -1), out)
     return None if rows == REFUSED else out[:, :rows]
 
 
@@ -62,3 +63,15 @@ def test_a_block_is_read_whole_or_refused(text: str, columns: int, rows: list[li
     for way in (numbers_of, plain(numbers_of)):
         numbers = read(text.encode(), columns, read_by=way)
         np.testing.assert_array_equal(numbers, None if rows is None else np.array(rows).T)
+
+
+@given(st.lists(st.integers(0, 2**62), min_size=1, max_size=5), st.integers(0, 12))
+def test_a_number_is_the_nearest_float_and_its_remainder(mantissas: list[int], decimals: int) -> None:
+    text = "".join(f"{one // 10**decimals}.{one % 10**decimals:0{decimals}d}\n" for one in mantissas).encode()
+    for way in (numbers_of, plain(numbers_of)):
+        out = np.zeros((2, len(mantissas)))
+        rows = way(np.frombuffer(text, np.uint8), ord(","), np.arange(1), np.nan, np.array([1]), out)
+        if rows != REFUSED:
+            for one, number, rest in zip(mantissas, *out.tolist(), strict=True):
+                exact = Fraction(one, 10**decimals) - Fraction(number)
+                assert abs(exact - Fraction(rest)) <= abs(exact) / 10**9

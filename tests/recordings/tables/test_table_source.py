@@ -2,12 +2,16 @@
 
 import json
 import os
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from mcap.writer import Writer as McapWriter
 
+import imuscope
 from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.errors import RecordingError
 from imuscope.recordings.exporters import ExportRequest, export
@@ -260,3 +264,33 @@ def test_an_mcap_without_json_is_reported(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(RecordingError, match="cdr"):
         open_file(path)
+
+
+@each_row("form", ["s", "quoted", "ms", "µs of s", "ns", "ISO", "parquet"])
+def test_times_are_those_of_the_file_to_the_nanosecond(form: str, tmp_path: Path) -> None:
+    """Regression: they went through a float64, which is 0.2 µs apart."""
+    ns = 1_760_000_000_123_456_789 + np.cumsum(np.random.default_rng(1).integers(9_000_000, 11_000_000, 400))
+    ns = ns // 1000 * 1000 if form == "µs of s" else ns
+    arrival, path = ns + 1_234_567, tmp_path / "a.csv"
+    digits = {"ms": 6, "ns": 0}.get(form, 9)
+
+    def written(moment: int) -> str:
+        if form == "ISO":
+            return f"{datetime.fromtimestamp(moment // 10**9, UTC):%Y-%m-%dT%H:%M:%S}.{moment % 10**9:09d}Z"
+        text = f"{moment // 10**digits}.{moment % 10**digits:0{digits}d}".rstrip(".")
+        return text[:-3] if form == "µs of s" else text if digits else str(moment)
+
+    head = {"ISO": "time,x", "ms": "time (ms),x", "ns": "time (ns),x"}.get(form, "time (s),arrival (s),x")
+    rows = zip(ns.tolist(), arrival.tolist(), range(len(ns)), strict=True)
+    both = "arrival" in head
+    lines = [f"{written(t)},{written(a)},{k}" if both else f"{written(t)},{k}" for t, a, k in rows]
+    text = "\n".join([head, *lines]) + "\n"
+    path.write_text(text.replace(",5\n", ',"5"\n') if form == "quoted" else text)
+    if form == "parquet":
+        path = tmp_path / "a.parquet"
+        pq.write_table(pa.table({"time": pa.array(ns, pa.timestamp("ns", "UTC")), "x": np.arange(len(ns)) / 2}), path)
+    with imuscope.open(path) as recording:
+        signal = recording["x"]
+        np.testing.assert_array_equal(signal.time_ns, ns)
+        came = arrival // 1000 * 1000 if form == "µs of s" else arrival
+        np.testing.assert_array_equal(signal.arrival_ns, came if both and form != "parquet" else ns)

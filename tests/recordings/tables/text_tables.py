@@ -4,7 +4,8 @@ import os
 from pathlib import Path
 
 from imuscope.recordings.tables.options import TableOptions
-from imuscope.recordings.tables.table_source import CsvSource, TableRows
+from imuscope.recordings.tables.table_rows import TableRows
+from imuscope.recordings.tables.table_source import CsvSource
 
 N = 300
 EPOCH = 1_500_000_000

@@ -16,12 +16,15 @@ from imuscope.recordings.columns.store import ColumnStore
 from imuscope.recordings.importers.open_file import open_file
 from imuscope.recordings.library.index import INDEX
 from imuscope.recordings.library.library import Library
+from imuscope.recordings.mcap.compaction import compact
 from imuscope.recordings.mcap.reader import McapReader
 from imuscope.recordings.mcap.source import McapSource
 from imuscope.recordings.tables.table_source import TableSource
+from imuscope.server.library.catalogue import Catalogue
 from imuscope.server.library.export_worker import one_file
 from imuscope.server.settings.config import Config
-from tests.recordings.recorded_drive import drive
+from imuscope.server.streaming.clients import ClientFanout
+from tests.recordings.recorded_drive import START, drive
 from tests.support.each_row import each_row
 from tests.support.fakes import FakeLink
 from tests.support.in_process_server import InProcessServer
@@ -339,6 +342,66 @@ def test_what_was_recorded_here_shows_its_motion_without_being_opened(folder: Pa
     assert info["opened"]
     assert len(info["thumbnail"]) == 64
     assert info["devices"][0]["product"].startswith("MTi")
+
+
+def test_recordings_from_elsewhere_are_read_by_themselves_and_never_in_the_server(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One after the other while the list is viewed; the summary is kept with the columns that it was made of."""
+    for name in "abc":
+        drive(folder / f"{name}.mcap", seconds=1.0, started_ns=START + ord(name) * 10**12)
+        compact(folder / f"{name}.mcap")
+    calls = list[Path]()
+    monkeypatch.setattr("imuscope.recordings.library.index.summarize", lambda columns: calls.append(columns.folder))
+    most, running_now = 0, 0
+    read = Catalogue._read_contents
+
+    async def counted(catalogue: Catalogue, recording: str) -> bool:
+        nonlocal most, running_now
+        running_now += 1
+        most = max(most, running_now)
+        try:
+            return await read(catalogue, recording)
+        finally:
+            running_now -= 1
+
+    monkeypatch.setattr(Catalogue, "_read_contents", counted)
+    monkeypatch.setattr(ClientFanout, "browsers", 1)  # one looks at it
+    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",)), FakeLink) as running:
+        running.client.timeout = 60
+        assert [one["read"] for one in listed(running)] == [False] * 3
+        block_until(lambda: all(one["read"] for one in listed(running)), "all are read", seconds=120)
+        (first, *_) = listed(running)
+    assert (most, calls) == (1, [])
+    assert (first["motion"], len(first["thumbnail"]), len(first["marks"])) == ("|a|", 64, 1)
+    assert len(list((folder.parent / "cache" / "columns").glob("*/summary.json"))) == 3
+
+
+def test_nothing_is_read_for_the_list_while_something_is_recorded(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive(folder / "a.mcap", seconds=1.0)
+    compact(folder / "a.mcap")
+    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",)), FakeLink) as running:
+        running.client.timeout = 60
+        monkeypatch.setattr(ClientFanout, "browsers", 1)
+        running.client.post(f"{URL}/start", json={})
+        assert [one["read"] for one in listed(running) if one["id"] == "a"] == [False]
+        catalogue = running.services.catalogue
+        assert not running.call(lambda: catalogue._may_read)
+        running.client.post(f"{URL}/stop")
+        block_until(lambda: all(one["read"] for one in listed(running)), "both are read", seconds=120)
+
+
+def test_the_disk_of_the_library_is_reported(folder: Path) -> None:
+    drive(folder / "a.mcap", seconds=1.0)
+    compact(folder / "a.mcap")
+    config = Config(data=folder.parent, sources=("/dev/one",), recordings_quota_gb=3.0)
+    with InProcessServer(config, FakeLink) as running:
+        storage = running.client.get("/api/recorder/storage").json()
+        assert storage["used"] == sum(one["size"] for one in listed(running))
+    assert storage["quota"] == 3_000_000_000
+    assert storage["free"] > 0
 
 
 def test_findings_of_an_earlier_decoder_are_replaced(running: InProcessServer, folder: Path) -> None:

@@ -44,7 +44,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     assert results.keys() == {*names, "EulerAngles"}  # and the channels derived from them
     for piece in pieces:
         number = results[names[piece.channel - 1]]
-        rows = store.exact(number, 0, store.rows(number))
+        rows = store.in_units("device").exact(number, 0, store.rows(number))
         assert len(rows) == len(piece.columns[0])
         for got, expected in zip(rows.columns, piece.columns[2:], strict=True):
             np.testing.assert_array_equal(got, expected)

@@ -194,7 +194,7 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
       pitch.set(number(angles?.[1], 1));
       frameName.set(TEXT.bodyInFrame(bodyOf(frame), frame));
       writeTrust(trust, deps, source);
-      from.set(at.isOffScreen ? momentWords(at) : source.words);
+      from.set(at.word === "now" ? TEXT.nowFrom(source.words) : momentWords(at));
       host.classList.toggle("off-screen", at.isOffScreen);
       pitchNote.set(TEXT.aboutY(pitchSign(frame)));
     },

@@ -10,6 +10,8 @@ export interface CursorReading {
   readonly time: number;
   /** Word in the head of a column. */
   readonly word: "now" | "cursor" | "paused";
+  /** Cursor A, if it is pinned there. */
+  readonly mark?: "A";
   /** The stretch over which mean and σ are taken, unix seconds: the window, or what is between both cursors. */
   readonly from: number;
   readonly to: number;
@@ -27,7 +29,7 @@ export function readingAt(view: View, cursor: Cursor, now: number, second?: numb
   if (cursor?.kind === "pinned") {
     const { time } = cursor;
     const between = second === undefined ? {} : { from: Math.min(time, second), to: Math.max(time, second) };
-    return { ...window, ...between, time, word: "cursor", isOffScreen: time < from || time > to };
+    return { ...window, ...between, time, word: "cursor", mark: "A", isOffScreen: time < from || time > to };
   }
   if (view.live) return { ...window, time: Number.POSITIVE_INFINITY, word: "now" };
   if (cursor) return { ...window, time: from + cursor.fraction * view.span, word: "cursor" };

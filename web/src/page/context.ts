@@ -98,7 +98,7 @@ export interface Deps {
   readonly lostLater?: (device: string) => number;
 }
 
-export type Overlay = "help" | "palette" | "add" | "memory" | "packet" | ExtensionOverlay | undefined;
+export type Overlay = "help" | "guide" | "palette" | "add" | "memory" | "packet" | ExtensionOverlay | undefined;
 
 /** A panel over the plots while the window is narrow. */
 export type Drawer = "rail" | "side" | undefined;

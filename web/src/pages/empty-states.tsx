@@ -13,6 +13,7 @@ import type { DeviceInfo } from "../wire/types";
 import { connect, linkOf, run, scanPorts } from "../page/app-state";
 import type { App } from "../page/context";
 import { portWords } from "./device-sidebar";
+import { OpenFile } from "./open-file";
 import { SavedBand } from "./record-button";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/live";
@@ -80,6 +81,7 @@ export function Empty({ app }: Props) {
           onClick={() => void scanPorts(app)}
         />
         <Button changes look="edge" words={TEXT.addAnAddress} onClick={() => (app.overlay.value = "add")} />
+        <OpenFile app={app} look="edge" />
         {simulated && (
           <Button changes words={TEXT.startASimulator} onClick={() => void connect(app, `sim:${simulated.name}`)} />
         )}

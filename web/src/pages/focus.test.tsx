@@ -31,6 +31,7 @@ const OPENED_BY_A_PERSON = [
   "../pages/configure/snapshot.tsx",
   "../pages/record-button.tsx",
   "../pages/recordings/markers.tsx",
+  "../pages/tour.tsx",
   "../panels/signals/panel.tsx",
   "../ui/controls/dialog.tsx",
   "../ui/controls/search-field.tsx",

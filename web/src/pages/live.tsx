@@ -12,6 +12,7 @@ import { LiveViewer, LiveViews } from "../views/viewers";
 import { select, askKey, linkOf, run } from "../page/app-state";
 import type { App } from "../page/context";
 import { LateAddDevice, LateMemoryDialog, LateSignalsPanel, LateYAxisDialog } from "./dialogs";
+import { FirstMinute } from "./first-minute";
 import { TopBar, Dock } from "./top-bar";
 import { PageOverlays } from "./overlays";
 import { Rail } from "./device-sidebar";
@@ -68,6 +69,7 @@ export function LivePage({ app }: { readonly app: App }) {
           {TEXT.live}
           {app.device.value ? `: ${fullName(app.device.value)}` : ""}
         </h1>
+        <FirstMinute app={app} />
         <ProblemBand app={app} />
         <LinkedBand app={app} />
         <KeyBand app={app} />

@@ -26,6 +26,7 @@ export function Share({ app }: { readonly app: App }) {
         class={`desk flag share ${said.value ? "just-done" : ""}`}
         icon="share"
         label={COMMON.copyLink}
+        word={TEXT.linkWord}
         title={said.value || TEXT.copyLinkToView}
         onClick={() => void shareLive(app)}
       />

@@ -108,7 +108,7 @@ test("two keys lead to another page, and the tabs follow", async () => {
 test.each(["the key", "the button"])("%s opens every key there is, and they rest meanwhile", async (way) => {
   const { app, bar } = await open();
   if (way === "the key") press("?");
-  else fireEvent.click(bar.getByRole("button", { name: "Keyboard shortcuts" }));
+  else fireEvent.click(bar.getByRole("button", { name: "Help: keys and guide" }));
   const help = await screen.findByRole("dialog", { name: "Keyboard shortcuts" });
   const shown = [...help.querySelectorAll("dt")].map((one) =>
     [...one.querySelectorAll("kbd")].map(({ textContent }) => textContent),

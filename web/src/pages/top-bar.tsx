@@ -54,6 +54,8 @@ interface Props {
 }
 
 const STEPS_OF_FULL_BAR = 10; // ui/layout.css
+/** More than a step makes: the bar takes back what it gave. */
+const MUCH_ROOM_PX = 200;
 
 /** @param deps of the panels that can be arranged: those of Live by default */
 export function TopBar({ app, deps }: Props & { readonly deps?: Deps }) {
@@ -98,7 +100,8 @@ export function TopBar({ app, deps }: Props & { readonly deps?: Deps }) {
       {isLive && showsPlots(app.state.value) && <Share app={app} />}
       <IconButton
         icon="help"
-        label={COMMON.keyboard}
+        label={TEXT.helpLabel}
+        word={TEXT.help}
         class="desk"
         title={TEXT.keys}
         onClick={() => (app.overlay.value = "help")}
@@ -173,6 +176,7 @@ function Theme() {
     <IconButton
       icon={theme.value === "dark" ? "sun" : "moon"}
       label={TEXT.useTheme(TEXT.theme[other])}
+      word={TEXT.themeWord[other]}
       onClick={toggleTheme}
     />
   );
@@ -357,9 +361,14 @@ function useFit(row: RefObject<HTMLElement | null>, steps: number): void {
       give(0);
       giveWay();
     };
-    // changed words may need more room; only what comes or goes can make some
+    // changed words may need more room, or leave much of it
+    const spare = (): number =>
+      [...element.querySelectorAll<HTMLElement>(":scope > .grow")].reduce(
+        (sum, { offsetWidth }) => sum + offsetWidth,
+        0,
+      );
     const changed = new MutationObserver((changes) =>
-      changes.some(({ type }) => type === "childList") ? fit() : giveWay(),
+      changes.some(({ type }) => type === "childList") || (done > 0 && spare() > MUCH_ROOM_PX) ? fit() : giveWay(),
     );
     const resized = new ResizeObserver(fit);
     changed.observe(element, { childList: true, characterData: true, subtree: true });

@@ -3,12 +3,11 @@ import { age, byteRate, clock, number, type Quantity, signed } from "../ui/forma
 import { TOLD_S } from "../data/behind";
 import { countsLosses, embeddedKinds, MESSAGES, protocolOf } from "../wire/capabilities";
 import type { ChannelInfo, DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
+import { type FigureTone, toneOf } from "./tones";
 import { TEXT } from "../texts/panels";
 
-type Tone = "" | "warn" | "bad";
-
 export interface HealthQuantity extends Quantity {
-  readonly tone: Tone;
+  readonly tone: FigureTone;
 }
 
 const plain = (quantity: Quantity): HealthQuantity => ({ ...quantity, tone: "" });
@@ -50,8 +49,6 @@ export function isLeftOut(
 /** A device is late after this, and after so many of its usual steps. */
 const LATE_S = 1;
 const LATE_STEPS = 3;
-/** A link this full has no room for a burst. */
-const FULL_LINK_SHARE = 0.9;
 
 /** Problems within the last minute. */
 export interface Recent {
@@ -122,26 +119,26 @@ export function healthFigures(
     samples: plain({ value: number(known ? health.rate : undefined, 1), unit: "/s" }),
     gaps:
       recent.gaps > 0
-        ? { value: gapWords(recent), unit: "", tone: "warn" }
+        ? { value: gapWords(recent), unit: "", tone: toneOf("count", recent.gaps) }
         : plain({ value: number(known && counted && hasSamples(health) ? 0 : undefined, 0), unit: TEXT.samplesUnit }),
     rejects: {
       value: number(recent.rejects > 0 || (known && health.bytes !== 0) ? recent.rejects : undefined, 0),
       unit: TEXT.framesUnit(recent.rejects),
-      tone: recent.rejects > 0 ? "warn" : "",
+      tone: toneOf("count", recent.rejects),
     },
     bytes: plain(byteRate(health?.bytes_per_s)),
     share,
     shareText: {
       value: number(share === undefined ? undefined : share * 100, 1),
       unit: "%",
-      tone: (share ?? 0) > FULL_LINK_SHARE ? "warn" : "",
+      tone: toneOf("share", share),
     },
     jitter: plain({ value: number(jitter, (jitter ?? 0) < 100 ? 2 : 0), unit: TEXT.msP99 }),
     age: {
       ...agoOf(health === undefined || known ? old : undefined),
-      tone: expected && known && old !== undefined && old > late ? "bad" : "",
+      tone: expected && known && old !== undefined ? toneOf("lateness", old / late) : "",
     },
-    dropped: { value: number(dropped, 0), unit: TEXT.samplesUnit, tone: dropped > 0 ? "warn" : "" },
+    dropped: { value: number(dropped, 0), unit: TEXT.samplesUnit, tone: toneOf("count", dropped) },
     drift: plain({ value: driftOf(health), unit: "ppm" }),
     uncertainty: boundOf(health),
   };
@@ -154,9 +151,6 @@ function driftOf(health: DeviceHealth | undefined): string {
   return `${signed(drift, digits)} ± ${number(Math.ceil(bound * 10 ** digits - 1e-9) / 10 ** digits, digits)}`;
 }
 
-/** Times that are less certain than this, ms, want a remedy. */
-const UNCERTAIN_MS = 5;
-
 /** "± 0.4 ms": never rounded below its value. */
 function boundOf(health: DeviceHealth | undefined): HealthQuantity {
   const bound = health?.uncertainty_ms ?? undefined;
@@ -165,7 +159,7 @@ function boundOf(health: DeviceHealth | undefined): HealthQuantity {
   return {
     value: up === undefined ? number(up, 0) : `± ${number(up, digits)}`,
     unit: "ms",
-    tone: (bound ?? 0) > UNCERTAIN_MS ? "warn" : "",
+    tone: toneOf("uncertainty", bound),
   };
 }
 

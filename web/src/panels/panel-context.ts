@@ -13,9 +13,10 @@ export function reading(deps: Deps): CursorReading {
   return readingAt(view.value, cursor.value, deps.store.edgeOf(device.value), measure.value);
 }
 
-/** "at 14:23:51.000, off screen"; "" for the newest sample. */
+/** "now", "at A 14:23:51.000, off screen". */
 export function momentWords(at: CursorReading): string {
-  return at.word === "now" ? "" : TEXT.atTime(clock(at.time, 3), at.isOffScreen ? TEXT.offScreen : "");
+  if (at.word === "now") return TEXT.reading.now;
+  return TEXT.atTime([at.mark, clock(at.time, 3)].filter(Boolean).join(" "), at.isOffScreen ? TEXT.offScreen : "");
 }
 
 export function channelsOf(deps: Deps): readonly Channel[] {

@@ -209,7 +209,7 @@ it("every panel that reads at the cursor says so while that is off screen", () =
 it("a cursor off screen is named where it rules, and figures between two cursors are of what lies between them", async () => {
   const { app, store } = await openPage(recorded("xbus"));
   const { viewState } = app;
-  await waitFor(() => expect(document.querySelector(".attitude .from")?.textContent).toBe("from quaternion"));
+  await waitFor(() => expect(document.querySelector(".attitude .from")?.textContent).toBe("now, from quaternion"));
   const ring = store.channels.value.find(({ info }) => info.name === "Acceleration")?.ring;
   const [first, last] = [ring?.time(0) ?? NaN, ring?.time(ring.length - 1) ?? NaN];
   viewState.view.value = { ...viewState.view.value, live: false, end: last, span: (last - first) / 4 };

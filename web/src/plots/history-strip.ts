@@ -13,7 +13,7 @@ import { timeWindow, xOf, type TimeWindow } from "./time-window";
 import { TEXT } from "../texts/plots";
 
 /** Memory of ten minutes holds a little more, for which the strip does not become twice as long. */
-const OVER_SHARE = 0.01;
+const OVER_SHARE = 0.05;
 /** Possible lengths of the strip, s: it grows in steps so that it does not crawl. */
 const LENGTHS: readonly number[] = [60, 120, 300, 600, 1200, 1800, 3600, 7200, 14_400, 28_800, 57_600, 86_400];
 /** Lag behind live that is reported, s. */

@@ -140,8 +140,8 @@ describe("the time axis", () => {
   });
 
   it("shows memory in common lengths", () => {
-    expect(stripLength(603, 20)).toBe(600); // of ten minutes in memory the strip begins at −10 min, not at −20
-    expect([stripLength(5, 20), stripLength(61, 20), stripLength(100, 600), stripLength(1e6, 1)]).toEqual([
+    expect(stripLength(625, 20)).toBe(600); // of ten minutes in memory the strip begins at −10 min, not at −20
+    expect([stripLength(5, 20), stripLength(66, 20), stripLength(100, 600), stripLength(1e6, 1)]).toEqual([
       60, 120, 600, 1e6,
     ]);
   });

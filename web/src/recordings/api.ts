@@ -34,6 +34,7 @@ export const recordingsApi = {
   recorder: () => request("GET /api/recorder"),
   /** Bytes of live links that are in memory. */
   memory: () => request("GET /api/recorder/memory"),
+  storage: () => request("GET /api/recorder/storage"),
   saveMemory: (body: SaveMemoryRequest) => request("POST /api/recordings/save-memory", { body }),
   readHeaders: () => request("POST /api/recordings/read-headers"),
   stop: () => request("POST /api/recordings/stop"),

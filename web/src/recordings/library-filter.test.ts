@@ -5,9 +5,12 @@ import {
   dateWords,
   daysLeft,
   deviceName,
+  namesOfDevices,
+  distinctNames,
   flaw,
   recordedLosses,
   heardIn,
+  inCategory,
   knownDevices,
   withReceiving,
   length,
@@ -15,6 +18,7 @@ import {
   messagesOf,
   countedValues,
   recordingTitle,
+  wordsOf,
 } from "./library-filter";
 import type { RecordingDetail, RecordingInfo } from "../wire/recording-types";
 
@@ -48,8 +52,11 @@ const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
   damaged: "",
   remark: "",
   markers: 0,
+  read: true,
+  motion: "|a|",
   thumbnail: [],
   losses: [],
+  marks: [],
   deleted: null,
   ...part,
 });
@@ -57,8 +64,8 @@ const all = { category: "all", device: "", tag: "", query: "" } as const;
 
 it("finds by any words of title, notes, tags, devices and date", () => {
   for (const query of ["yard", "LAPS three", "04f9", "mti-630 yard", "21 nov", "2025-11-21", ""])
-    expect(recordingMatches(one(), query), query).toBe(true);
-  expect(recordingMatches(one(), "yard crane")).toBe(false);
+    expect(recordingMatches(one(), wordsOf(query)), query).toBe(true);
+  expect(recordingMatches(one(), ["yard", "crane"])).toBe(false);
 });
 
 it("separates deleted recordings", () => {
@@ -75,10 +82,12 @@ it("puts the worst first", () => {
   expect(flaw(lossy)).toEqual({ tone: "warn", words: "72 lost" });
   expect(flaw({ ...lossy, damaged: "The file ends at 08:51." }).tone).toBe("bad");
   expect(flaw(one({ opened: true })).words).toBe("none");
-  expect(flaw(one({ opened: false, thumbnail: [] })).words).toBe("—"); // not opened yet
+  const unread = one({ opened: false, read: false, losses: [0.5] });
+  expect(flaw(unread).words).toBe("not read yet");
+  expect([inCategory(unread, "lossy"), inCategory(unread, "unread")]).toEqual([false, true]);
   const uncounted = one().devices.map((device) => ({ ...device, counts_losses: false }));
   expect(flaw(one({ devices: uncounted })).words).toBe("none known"); // a table: nothing tells what is missing
-  expect([recordedLosses(lossy), recordedLosses(one({ opened: false, thumbnail: [] }))]).toEqual(["72", "—"]);
+  expect([recordedLosses(lossy), recordedLosses(unread)]).toEqual(["72", "not read yet"]);
 });
 
 it("writes lengths and sizes", () => {
@@ -96,12 +105,24 @@ it("writes lengths and sizes", () => {
   ]);
 });
 
-it("names an untitled recording after its devices", () => {
-  expect([
-    recordingTitle(one()),
-    recordingTitle(one({ title: "" })),
-    recordingTitle(one({ title: "a", devices: [] })),
-  ]).toEqual(["Yard loop", "MTi-630", "a"]);
+it("names an untitled recording after its note, else by date and what was driven, else as its file", () => {
+  const untitled = one({ id: "20251121T134400Z-MTi-630", title: "", notes: "" });
+  expect(
+    [one(), one({ title: "", notes: "three laps\nof the yard" }), untitled, one({ title: "a", notes: "" })].map(
+      recordingTitle,
+    ),
+  ).toEqual(["Yard loop", "three laps", "21 Nov 2025, 13:44 · MTi-630", "a"]);
+});
+
+it("has no name twice in a list", () => {
+  const untitled = one({ id: "20251121T134400Z-MTi-630", title: "", notes: "" });
+  const list = [untitled, { ...untitled, started: 1_763_732_645 }, { ...untitled, file: "b.mcap" }, one()];
+  expect([...distinctNames(list).values()]).toEqual([
+    "21 Nov 2025, 13:44 · MTi-630 · 13:44:00 · a.mcap",
+    "21 Nov 2025, 13:44 · MTi-630 · 13:44:05",
+    "21 Nov 2025, 13:44 · MTi-630 · 13:44:00 · b.mcap",
+    "Yard loop",
+  ]);
 });
 
 it("shows no message count before it is known", () => {
@@ -124,7 +145,7 @@ it("a device without data is in no recording name and no filter", () => {
     counts_losses: true,
   };
   const info = one({ title: "", devices: [...one().devices, silent] });
-  expect(recordingTitle(withReceiving(info))).toBe("MTi-630");
+  expect(namesOfDevices(withReceiving(info))).toBe("MTi-630");
   expect(withReceiving(info).devices.map(deviceName)).toEqual(["MTi-630 04F9"]);
   expect(withReceiving(one({ devices: [silent] })).devices).toHaveLength(1); // a recording without data keeps its only device
   const detail = {
@@ -139,7 +160,7 @@ it("a table has no device that is named after its file", () => {
   const [device] = one().devices;
   const table = { ...device!, protocol: "", product: "", serial_number: "" };
   for (const name of ["walk", "walk.csv"]) {
-    const info = one({ id: "walk", title: "walk", devices: [{ ...table, name }] });
+    const info = one({ id: "walk", title: "walk", notes: "", devices: [{ ...table, name }] });
     expect([knownDevices(info), recordingTitle(info)]).toEqual([[], "walk"]);
     expect(chosen([info], { ...all, device: name })).toEqual([]);
   }

@@ -4,13 +4,14 @@ import type { RecordingDetail, RecordingInfo } from "../wire/recording-types";
 import { COMMON } from "../texts/common";
 import { TEXT } from "../texts/recordings";
 
-export type Category = "all" | "pinned" | "lossy" | "damaged" | "deleted";
+export type Category = "all" | "pinned" | "lossy" | "damaged" | "unread" | "deleted";
 
 export const CATEGORIES: readonly { readonly name: Category; readonly title: string }[] = [
   { name: "all", title: COMMON.all },
   { name: "pinned", title: TEXT.pinned },
   { name: "lossy", title: TEXT.withLoss },
   { name: "damaged", title: TEXT.damagedFilter },
+  { name: "unread", title: TEXT.notReadFilter },
   { name: "deleted", title: TEXT.deleted7Days },
 ];
 
@@ -35,8 +36,8 @@ export const messagesOf = (info: RecordingInfo): number | undefined =>
     0,
   );
 
-/** Whether it was opened; losses of an unopened one are unknown. */
-export const isKnown = ({ opened, thumbnail }: RecordingInfo): boolean => opened || thumbnail.length > 0;
+/** Whether its contents have been read; until then its losses and motion are unknown. */
+export const isKnown = ({ opened, read }: Pick<RecordingInfo, "opened" | "read">): boolean => read || opened;
 
 /** Lost samples of all devices; undefined if none are known, and what a device sent does not tell. */
 export function knownLosses(info: RecordingInfo): number | undefined {
@@ -45,10 +46,10 @@ export function knownLosses(info: RecordingInfo): number | undefined {
   return lost > 0 || areCounted ? lost : undefined;
 }
 
-/** The losses in words: "—" is not read yet; without a counter only what is known is said, as by the player. */
+/** The losses in words; without a counter only what is known is said, as by the player. */
 export function recordedLosses(info: RecordingInfo): string {
   const lost = knownLosses(info);
-  if (lost === undefined) return isKnown(info) ? TEXT.noneKnown : "—";
+  if (lost === undefined) return isKnown(info) ? TEXT.noneKnown : TEXT.notReadYet;
   return lost === 0 ? COMMON.none : number(lost, 0);
 }
 
@@ -61,7 +62,9 @@ export function inCategory(info: RecordingInfo, category: Category): boolean {
     case "pinned":
       return info.pinned;
     case "lossy":
-      return lostOf(info) > 0 || info.losses.length > 0;
+      return isKnown(info) && (lostOf(info) > 0 || info.losses.length > 0);
+    case "unread":
+      return !isKnown(info) && !info.recording;
     case "damaged":
       return info.damaged !== "";
   }
@@ -90,18 +93,59 @@ export function knownDevices({ id, devices }: Pick<RecordingInfo, "id" | "device
   );
 }
 
-/** Title of a recording; an untitled one is named by its devices, with its date beside it. */
-export function recordingTitle(info: Pick<RecordingInfo, "title" | "id" | "devices">): string {
+/** Names of the known devices, each once. */
+export const namesOfDevices = (info: Pick<RecordingInfo, "id" | "devices">): string =>
+  [...new Set(knownDevices(info).map(({ name, product }) => name || product))].join(" + ");
+
+/** Of a file that imuscope has named itself: 20261121T044324Z-MTi-630. */
+const STAMPED = /^\d{8}T\d{6}Z/;
+/** Most characters of a note that names its recording. */
+const NAME_CHARACTERS = 120;
+
+/**
+ * Name of a recording: its title, else the first line of its notes, else when what was driven; a file that was named elsewhere, and has
+ * neither, keeps that name.
+ */
+export function recordingTitle(info: Pick<RecordingInfo, "title" | "id" | "devices" | "notes" | "started">): string {
   if (info.title !== "" && info.title !== info.id) return info.title;
-  return [...new Set(knownDevices(info).map(({ name, product }) => name || product))].join(" + ") || info.id;
+  const [note = ""] = info.notes.trim().split("\n");
+  if (note !== "") return note.slice(0, NAME_CHARACTERS);
+  if (!STAMPED.test(info.id)) return info.id;
+  return [dateWords(info.started), namesOfDevices(info)].filter(Boolean).join(" · ") || info.id;
 }
 
-/** Whether every typed word occurs in its metadata. */
-export function recordingMatches(info: RecordingInfo, query: string): boolean {
-  const words = query.toLowerCase().split(/\s+/).filter(Boolean);
-  if (words.length === 0) return true;
+const namesIn = new WeakMap<readonly RecordingInfo[], ReadonlyMap<RecordingInfo, string>>();
+
+/** Names of a list, in which none occurs twice: equal ones are followed by when they began, else by their file. */
+export function distinctNames(list: readonly RecordingInfo[]): ReadonlyMap<RecordingInfo, string> {
+  const known = namesIn.get(list);
+  if (known !== undefined) return known;
+  const names = new Map(list.map((info) => [info, recordingTitle(info)] as const));
+  const day = (info: RecordingInfo): string =>
+    recordingTitle(info).startsWith(dateWords(info.started)) ? "" : dateWords(info.started);
+  const further = [
+    day,
+    ({ started }: RecordingInfo) => isoSecond(started).slice(-8),
+    ({ file }: RecordingInfo) => file,
+  ];
+  for (const more of further) {
+    const counts = new Map(countedValues([...names.values()]));
+    for (const [info, name] of names)
+      if ((counts.get(name) ?? 0) > 1) names.set(info, [name, more(info)].filter(Boolean).join(" · "));
+  }
+  namesIn.set(list, names);
+  return names;
+}
+
+const texts = new WeakMap<RecordingInfo, string>();
+
+/** All that a recording is found by, in small letters; made once, as each key that is typed asks for it. */
+function searchText(info: RecordingInfo): string {
+  const known = texts.get(info);
+  if (known !== undefined) return known;
   const devices = info.devices.flatMap((one) => [one.name, one.product, one.serial_number, one.protocol]);
   const text = [
+    recordingTitle(info),
     info.title,
     info.file,
     info.notes,
@@ -112,19 +156,27 @@ export function recordingMatches(info: RecordingInfo, query: string): boolean {
   ]
     .join("\n")
     .toLowerCase();
-  return words.every((word) => text.includes(word));
+  texts.set(info, text);
+  return text;
 }
+
+export const wordsOf = (query: string): readonly string[] => query.toLowerCase().split(/\s+/).filter(Boolean);
+
+/** Whether every typed word occurs in its metadata. */
+export const recordingMatches = (info: RecordingInfo, words: readonly string[]): boolean =>
+  words.every((word) => searchText(info).includes(word));
 
 export function chosen(
   all: readonly RecordingInfo[],
   { category, device, tag, query }: LibraryChoice,
 ): readonly RecordingInfo[] {
+  const words = wordsOf(query);
   return all.filter(
     (info) =>
       inCategory(info, category) &&
       (device === "" || knownDevices(info).some((one) => deviceName(one) === device)) &&
       (tag === "" || info.tags.includes(tag)) &&
-      recordingMatches(info, query),
+      recordingMatches(info, words),
   );
 }
 
@@ -180,9 +232,10 @@ export function dayWords(unix: number, year = false): string {
   return `${d.getUTCDate()} ${COMMON.months[d.getUTCMonth()]}${isNamed ? ` ${d.getUTCFullYear()}` : ""}`;
 }
 
-function isoDay(unix: number | null): string {
-  return unix === null ? "" : new Date(unix * 1000).toISOString().slice(0, 10);
-}
+const isoSecond = (unix: number | null): string =>
+  unix === null ? "" : new Date(unix * 1000).toISOString().slice(0, 19).replace("T", " ");
+
+const isoDay = (unix: number | null): string => isoSecond(unix).slice(0, 10);
 
 /** Days until a recording in the bin is deleted. */
 export function daysLeft(deleted: number, now: number): number {

@@ -7,7 +7,8 @@ import { late } from "../ui/dom/late";
 import type { App } from "../page/context";
 import { LatePalette } from "../pages/dialogs";
 import { LivePage } from "../pages/live";
-import { href, type PageName, pagesOf, route, go } from "../page/route";
+import { openFiles } from "../pages/open-file";
+import { href, type PageName, pagesOf, route } from "../page/route";
 import { TEXT } from "../texts/live";
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
@@ -80,9 +81,7 @@ function startDrop(app: App, hover: (files: boolean) => void): () => void {
     if (!isOurs(event)) return;
     event.preventDefault();
     const files = [...(event.dataTransfer?.files ?? [])];
-    if (files.length === 0) return;
-    if (route.peek().page !== "recordings" || route.peek().recording !== undefined) go("recordings");
-    void import("../pages/recordings/library-store").then(({ libraryOf }) => libraryOf(app).add(files));
+    openFiles(app, files);
   });
   return () => stop.abort();
 }

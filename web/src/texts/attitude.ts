@@ -8,6 +8,7 @@ export const TEXT = {
   noRotation: "These numbers are no rotation: the squares of a quaternion add up to 1.",
 
   // panel
+  nowFrom: (source: Value) => `now, ${source}`,
   payloadsUndefined: "Its payloads are not defined. See Raw payloads beside the plots.",
   noOrientation: "No orientation data",
   ubxAttitude: "With inertial sensors, a u-blox receiver sends roll, pitch and heading in NAV-ATT or HNR-ATT.",

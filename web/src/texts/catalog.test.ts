@@ -132,7 +132,8 @@ describe("the catalogue", () => {
   it("asks only where a dialog waits for the answer, and opens with no question word", () => {
     const asks = ALL.filter(([key, text]) => text.includes("?") && !/\.confirm\w*$/.test(key));
     const opens = ALL.filter(([, text]) => /^(What|How|Which|Who|Whose|Why|Where)\b/.test(text));
-    expect(listed([...asks, ...opens].filter(([, text]) => !/\(\?\)$|:\/\//.test(text)))).toEqual([]);
+    const wanted = [...asks, ...opens].filter(([key]) => !key.endsWith(".whatIsThis")); // asked by who looks
+    expect(listed(wanted.filter(([, text]) => !/\(\?\)$|:\/\//.test(text)))).toEqual([]);
   });
 
   it("has the singular for one", () => {

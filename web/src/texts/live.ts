@@ -1,5 +1,5 @@
 /** Texts of Live and of what every page has: bar, devices, bands. */
-import { count } from "./plural";
+import { count, numeral, plural } from "./plural";
 import type { Value } from "../wire/texts";
 
 export const TEXT = {
@@ -52,6 +52,43 @@ export const TEXT = {
   // drop
   dropToAdd: "Drop files to add them to the recordings",
 
+  // first minute
+  simulatedSensors: (devices: number) => `${numeral(devices)} simulated ${plural(devices, "sensor")}`,
+  connectYours: "Connect yours",
+  openAFile: "Open a file",
+  whatIsThis: "What am I looking at?",
+  tour: [
+    {
+      title: "Devices",
+      words:
+        "Each sensor with its rate, its link and the samples of the last minute. Choose one to see it; + adds one by its address.",
+    },
+    {
+      title: "Time",
+      words:
+        "The page follows the newest sample. Pause, or drag the plots, to go back: the last ten minutes are in memory.",
+    },
+    {
+      title: "Plots",
+      words:
+        "One plot for each quantity. A click pins cursor A, Shift-click cursor B, and a table has the figures between them.",
+    },
+    {
+      title: "Values and health",
+      words:
+        "The newest value of everything, and how far it can be trusted: samples lost, where, and how late data arrive.",
+    },
+    {
+      title: "Record",
+      words:
+        "Keeps every byte of all devices, to be replayed, measured, compared and exported. Help leads to the guide.",
+    },
+  ] as const,
+  stopOf: (stop: Value, stops: Value) => `Stop ${stop} of ${stops}`,
+  tourBack: "Back",
+  tourNext: "Next",
+  endTour: "End the tour",
+
   // empty states
   accessRefused: "Access refused by the server",
   connectingToImuscope: "Connecting to imuscope",
@@ -59,7 +96,7 @@ export const TEXT = {
   openPrintedAddress: "Open the address that imuscope printed at startup; it contains the token.",
   reload: "Reload",
   noDeviceYet: "No device yet",
-  plugInSensor: "Plug in a sensor, or enter the address of one.",
+  plugInSensor: "Plug in a sensor, enter the address of one, or drop a recording on this page.",
   noSerialPort: "No serial port found on this host.",
   scanningPorts: "Scanning all ports…",
   scanPorts: "Scan ports",
@@ -162,7 +199,11 @@ export const TEXT = {
   playState: "Playback state",
   followNewest: "Follow the newest sample (Space, End)",
   pauseView: "Pause the view; recording and devices continue (Space)",
+  help: "Help",
+  helpLabel: "Help: keys and guide",
+  linkWord: "Link",
   theme: { dark: "dark", light: "light" },
+  themeWord: { dark: "Dark", light: "Light" },
   useTheme: (theme: Value) => `Use the ${theme} theme`,
   windowLengthHint: "Window length ([ and ])",
   window: "Window",

@@ -10,3 +10,8 @@ export function plural(n: number, one: string, many = `${one}s`): string {
 export function count(n: number, one: string, many = `${one}s`): string {
   return `${number(n, 0)} ${plural(n, one, many)}`;
 }
+
+const NUMERALS = ["No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine"];
+
+/** A small number at the start of a text, as a word. */
+export const numeral = (n: number): string => NUMERALS[n] ?? number(n, 0);

@@ -51,6 +51,7 @@ export function ViewerButton({ app, isLive }: Props & { readonly isLive: boolean
     <IconButton
       icon={first.icon}
       label={first.title}
+      word={first.title}
       class="desk"
       title={
         open

@@ -251,14 +251,14 @@ export function ArrangeButton({ app, deps, words = false }: Props & { readonly w
   return (
     <button
       type="button"
-      class={words ? "btn edge phone arrange-phone" : "btn icon desk arrange-button"}
+      class={words ? "btn edge phone arrange-phone" : "btn icon worded desk arrange-button"}
       aria-pressed={arranging.value}
       {...(words ? {} : { "aria-label": TEXT.sheet })}
       title={TEXT.sheetHint}
       onClick={() => (arranging.value = !arranging.value)}
     >
       <Icon name="grid" />
-      {words && TEXT.sheet}
+      {words ? TEXT.sheet : <span class="icon-word">{TEXT.sheet}</span>}
     </button>
   );
 }

@@ -18,6 +18,7 @@ from imuscope.server.extensions.analysis.signals.sampling import sampling_of, un
 from imuscope.server.extensions.analysis.signals.signals import Signal
 
 MIN_EVENNESS = 0.65  # of the segments; below, a few loud ones may lie at an edge, and count as windows weigh them
+MAX_IMBALANCE = 0.2  # of half the interval: by how much windows may weigh loud parts more or less than others
 TAIL_PROBABILITY = 0.025  # probability beyond each end of the interval
 
 
@@ -37,10 +38,11 @@ def run(signal: Signal, options: Settings) -> Result:
 
     peaks = peaks_of(frequency, psd, sampling.rate, segments, freedom)
     notes = [*sampling.notes(), _alias_note(frequency, psd, sampling.rate)]
-    if mean.evenness < 1:
-        what = "whose interval is wider for it" if mean.evenness > MIN_EVENNESS else "of an unknown uncertainty"
+    is_unknown = mean.evenness <= MIN_EVENNESS or abs(mean.balance - 1) > MAX_IMBALANCE * (high - low) / 2
+    if mean.evenness < 1 or is_unknown:
+        what = "of an unknown uncertainty" if is_unknown else "whose interval is wider for it"
         notes.append(f"The noise changes in this range: the density is its mean, {what}.")
-    if mean.evenness <= MIN_EVENNESS:
+    if is_unknown:
         low = high = math.nan
     if peaks:
         apart = f"{4 * segments.resolution(sampling.rate):.3g} Hz"

@@ -106,13 +106,16 @@ class MeanSpectrum:
         frequency, psd: (n,), one-sided.
         freedom: degrees of freedom of each density.
         evenness: 1 if all segments are alike but for chance; less where few of them make up the mean, as the noise
-            changes. The degrees of freedom are fewer by this share.
+            changes. The degrees of freedom are fewer by its square, for it is an estimate itself.
+        balance: power of the differences from sample to sample as the windows weigh them, by that of all alike: not 1
+            where loud parts lie at edges of segments, or in their middle.
     """
 
     frequency: Floats
     psd: Floats
     freedom: float
     evenness: float
+    balance: float
 
 
 def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: Segments) -> MeanSpectrum:
@@ -121,11 +124,14 @@ def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: 
     from scipy.signal import detrend
 
     sums, squares = np.zeros((2, segments.length // 2 + 1))
+    changes, steps = 0.0, 0
     together = max(1, BLOCK_SAMPLES // segments.length)
     for values, count in zip(runs, counts, strict=True):
         if not count:
             continue
         windows = np.lib.stride_tricks.sliding_window_view(values, segments.length)[:: segments.step]
+        differences = np.diff(values)
+        changes, steps = changes + float(np.dot(differences, differences)), steps + len(differences)
         for begin in range(0, count, together):
             block = windows[begin : min(begin + together, count)]
             if segments.detrend == "constant":
@@ -143,4 +149,8 @@ def mean_spectrum(runs: list[Floats], counts: list[int], rate: float, segments: 
     ratios = sum(counts) * squares[inner] / np.maximum(np.square(sums[inner]), 1e-300)
     excess = float(ratios.mean()) * (freedom / 2 + 1) / freedom if len(ratios) else 1.0
     evenness = 1.0 if excess < 1 + CHANCE_SIGMAS / math.sqrt(max(len(ratios), 1)) else 1 / excess
-    return MeanSpectrum(rfftfreq(segments.length, 1 / rate), power, freedom * evenness, evenness)
+    frequency = rfftfreq(segments.length, 1 / rate)
+    turned = float(np.dot(power, 2 - 2 * np.cos(2 * np.pi * frequency / rate))) * rate / segments.length
+    is_weighed = changes > 0 and segments.window.min() < segments.window.max()
+    balance = turned * steps / changes if is_weighed else 1.0  # the differences, as the windows let them through
+    return MeanSpectrum(frequency, power, freedom * evenness**2, evenness, balance)

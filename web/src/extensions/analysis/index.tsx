@@ -9,10 +9,12 @@ import { leaves } from "../../data/tiles";
 import { panelsOf } from "../../workspace/panels";
 import { sessionOf } from "../../workspace/session";
 import { Button } from "../../ui/controls/button";
+import { Icon } from "../../ui/controls/icons";
+import type { RecordingInfo } from "../../wire/recording-types";
 import { IconButton } from "../../ui/controls/icon-button";
 import { late } from "../../ui/dom/late";
 import { COMMON } from "../../texts/common";
-import { compareView, isComparison } from "./compare/sides";
+import { compareView, comparisonHref, isComparison } from "./compare/sides";
 import { TEXT as COMPARE } from "./compare/texts";
 import { analysisPanel } from "./panel";
 import { TEXT } from "./texts";
@@ -57,6 +59,7 @@ function AnalysisButton({ app, deps }: Slots["barViews"]) {
     <IconButton
       icon="wave"
       label={TEXT.analysis}
+      word={TEXT.analysis}
       class={BAR_CLASS.overPlots}
       title={TEXT.open}
       onClick={() => toggle(app, deps)}
@@ -70,6 +73,7 @@ function CompareButton({ app, isLive }: Slots["barViews"]) {
     <IconButton
       icon="compare"
       label={COMPARE.compare}
+      word={COMPARE.compare}
       class={BAR_CLASS.spareFirst}
       title={COMPARE.open}
       onClick={() => compareView(app.viewState, app.device.value?.id ?? "")}
@@ -89,6 +93,18 @@ function CompareRecordingButton({ recording }: Slots["recordingActions"]) {
   );
 }
 
+function CompareSelectedButton({ infos: [a, b, ...more] }: Slots["selectedRecordings"]) {
+  if (!a || !b || more.length > 0) return null;
+  const side = ({ id }: RecordingInfo) => ({ source: id, device: "" });
+  const place = comparisonHref({ a: side(a), b: side(b), signal: "", signalB: "" });
+  return (
+    <a class="btn edge" href={place} title={COMPARE.open}>
+      <Icon name="compare" />
+      {COMPARE.compare}
+    </a>
+  );
+}
+
 registerExtension({
   name: "analysis",
   panels: [
@@ -102,6 +118,7 @@ registerExtension({
     { slot: "barViews", order: 10, View: AnalysisButton },
     { slot: "barViews", order: 20, View: CompareButton },
     { slot: "recordingActions", order: 30, View: CompareRecordingButton },
+    { slot: "selectedRecordings", order: 10, View: CompareSelectedButton },
   ],
   keys: [
     {

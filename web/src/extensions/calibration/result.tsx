@@ -16,6 +16,7 @@ export function CalibrationResult({
   readonly correction: SensorCorrection;
 }) {
   // as many decimals as the least certain axis has sense for
+  const [hasMatrix, hasBias] = [!isIdentity(correction.matrix), correction.bias.some((value) => value !== 0)];
   const decimals = decimalsFor(Math.max(...correction.bias_uncertainty));
   return (
     <section class="calibration-result" aria-label={TEXT.result}>
@@ -29,7 +30,7 @@ export function CalibrationResult({
       </dl>
       {report.trace && <Trace trace={report.trace} />}
       <div class="calibration-numbers flex-wrap">
-        {correction.bias.some((value) => value !== 0) && (
+        {hasBias && (
           <table>
             <caption>
               {TEXT.bias}
@@ -48,7 +49,7 @@ export function CalibrationResult({
             </tbody>
           </table>
         )}
-        {!isIdentity(correction.matrix) && (
+        {hasMatrix && (
           <table>
             <caption>{TEXT.matrix}</caption>
             <tbody>
@@ -64,7 +65,7 @@ export function CalibrationResult({
         )}
       </div>
       {correction.presupposes && <p>{correction.presupposes}</p>}
-      <p class="mono dim">{TEXT.equation}</p>
+      <p class="mono dim">{TEXT.equation(hasMatrix, hasBias)}</p>
       <ul class="bullets">
         {report.notes.map((note) => (
           <li key={note}>

@@ -44,7 +44,10 @@ export const TEXT = {
   of: (value: Value, needed: Value, unit: Value) => `${value} of ${needed} ${unit}`,
   atMost: (value: Value, most: Value) => `${value}°, at most ${most}°`,
   result: "Result",
-  equation: "corrected = matrix · (measured − bias)",
+  equation: (hasMatrix: boolean, hasBias: boolean) => {
+    const measured = hasBias ? "measured − bias" : "measured";
+    return `corrected = ${hasMatrix ? `matrix · ${hasBias ? `(${measured})` : measured}` : measured}`;
+  },
   bias: "Bias",
   matrix: "Matrix",
   trace: (title: Value) => `${title}, before and after`,

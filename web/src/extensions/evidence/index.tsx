@@ -16,6 +16,7 @@ function BarButton({ app }: Slots["barShare"]) {
     <IconButton
       icon="paper"
       label={TEXT.evidence}
+      word={TEXT.word}
       class={BAR_CLASS.spare}
       title={TEXT.hintOfButton}
       onClick={() => open(app)}

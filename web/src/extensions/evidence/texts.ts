@@ -3,6 +3,7 @@ import type { Value } from "../../wire/texts";
 
 export const TEXT = {
   evidence: "Evidence…",
+  word: "Evidence",
   title: (name: Value) => `Evidence of ${name}`,
   live: "Live",
   hintOfButton: "Plots, cursors, figures and notes as one file that opens without a network (E)",

@@ -147,9 +147,12 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
     [TEXT.recorded, info.started === null ? TEXT.unknown : TEXT.timeUtc(dateWords(info.started, true)), ""],
     [TEXT.length, length(info.duration), ""],
     [TEXT.size, size.value, size.unit],
-    [TEXT.messages, number(messagesOf(info), 0), ""],
+    [TEXT.messages, isKnown(info) ? number(messagesOf(info), 0) : TEXT.notReadYet, ""],
     [COMMON.lost, recordedLosses(info), knownLosses(info) ? TEXT.samples : ""],
-    [COMMON.rejects, number(isKnown(info) ? rejectsOf(info) : undefined, 0), TEXT.frames],
+    [
+      COMMON.rejects,
+      ...(isKnown(info) ? ([number(rejectsOf(info), 0), TEXT.frames] as const) : ([TEXT.notReadYet, ""] as const)),
+    ],
     [COMMON.markers, number(info.markers, 0), ""],
   ];
   return (

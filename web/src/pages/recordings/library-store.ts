@@ -1,9 +1,16 @@
 /** Content of the library and its selection; loaded again when the server reports a change. */
 import { computed, effect, signal } from "@preact/signals";
 import { Prefetch } from "../../recordings/prefetch";
-import { type LibraryChoice, chosen, withReceiving } from "../../recordings/library-filter";
+import {
+  type LibraryChoice,
+  chosen,
+  distinctNames,
+  recordingTitle,
+  withReceiving,
+} from "../../recordings/library-filter";
+import { sortRecordings, type LibraryView, storedView, storeView } from "../../recordings/library-view";
 import { recordingsApi, upload } from "../../recordings/api";
-import type { EditRequest, RecordingInfo } from "../../wire/recording-types";
+import type { EditRequest, LibraryStorage, RecordingInfo } from "../../wire/recording-types";
 import type { HttpProblem } from "../../requests/http";
 import { perApp, run } from "../../page/app-state";
 import type { App } from "../../page/context";
@@ -22,14 +29,27 @@ export class Library {
   /** Why the list could not be loaded. */
   readonly trouble = signal<HttpProblem | undefined>(undefined);
   readonly choice = signal<LibraryChoice>({ category: "all", device: "", tag: "", query: "" });
+  /** The recording whose details are shown, from which a selection is extended. */
   readonly selected = signal<string | undefined>(undefined);
+  /** Ids of those that are selected, the one above among them. */
+  readonly picked = signal<ReadonlySet<string>>(new Set());
+  /** Whether rows have boxes to select them where there is no room for them otherwise. */
+  readonly isPicking = signal(false);
+  readonly view = signal(storedView());
+  readonly storage = signal<LibraryStorage | undefined>(undefined);
   /** The last deletion, until the next action. */
-  readonly gone = signal<RecordingInfo | undefined>(undefined);
+  readonly gone = signal<readonly RecordingInfo[]>([]);
   readonly coming = signal<readonly Coming[]>([]);
-  readonly shown = computed(() => chosen(this.all.value ?? [], this.choice.value));
+  readonly #names = computed(() => distinctNames(this.all.value ?? []));
+  readonly nameOf = (info: RecordingInfo): string => this.#names.value.get(info) ?? recordingTitle(info);
+  readonly #sorted = computed(() => sortRecordings(this.all.value ?? [], this.view.value, this.nameOf));
+  readonly shown = computed(() => chosen(this.#sorted.value, this.choice.value));
+  /** The selected ones that are listed, in their order. */
+  readonly several = computed(() => this.shown.value.filter(({ id }) => this.picked.value.has(id)));
   readonly current = computed(() => this.all.value?.find(({ id }) => id === this.selected.value));
   readonly prefetch = new Prefetch();
   readonly #app: App;
+  #anchor: string | undefined;
   #asked = 0;
   #keys = 0;
   #edited = Promise.resolve();
@@ -42,6 +62,30 @@ export class Library {
     this.choice.value = { ...this.choice.peek(), ...part };
   }
 
+  look(view: LibraryView): void {
+    this.view.value = view;
+    storeView(view);
+  }
+
+  /** Select a row: alone, or in addition, or all from the last one to it. */
+  pick(id: string, how: "alone" | "toggled" | "range" = "alone"): void {
+    const picked = new Set(how === "toggled" ? this.picked.peek() : [id]);
+    if (how === "toggled" && !picked.delete(id)) picked.add(id);
+    if (how === "range") {
+      const ids = this.shown.peek().map((one) => one.id);
+      const [from, to] = [ids.indexOf(this.#anchor ?? id), ids.indexOf(id)];
+      for (const one of ids.slice(Math.max(0, Math.min(from, to)), Math.max(from, to) + 1)) picked.add(one);
+    } else this.#anchor = id;
+    this.picked.value = picked;
+    this.selected.value = id;
+  }
+
+  /** Select these alone; the details stay those of the last one. */
+  pickAll(ids: readonly string[]): void {
+    this.picked.value = new Set(ids);
+    if (ids.length === 0) this.isPicking.value = false;
+  }
+
   /** Load the list; an answer overtaken by a later one is ignored. */
   async #load(): Promise<void> {
     const mine = ++this.#asked;
@@ -49,6 +93,8 @@ export class Library {
     if (mine !== this.#asked) return;
     if (outcome.ok) this.all.value = outcome.value.map(withReceiving);
     this.trouble.value = outcome.ok ? undefined : outcome.problem;
+    const storage = await recordingsApi.storage();
+    if (storage.ok) this.storage.value = storage.value;
   }
 
   /** Follow the library while its page is open. */
@@ -99,23 +145,30 @@ export class Library {
     if (info === undefined) return;
     this.all.value = (this.all.peek() ?? []).filter((one) => one.id !== id);
     this.#replace(info);
-    if (this.selected.peek() === id) this.selected.value = info.id;
+    if (this.selected.peek() === id) this.pick(info.id);
   }
 
-  async remove(info: RecordingInfo): Promise<void> {
-    const deleted = await run(this.#app, recordingsApi.remove(info.id));
-    if (deleted === undefined) return;
-    this.gone.value = deleted;
-    this.#replace(deleted);
-    if (this.selected.peek() === info.id) this.selected.value = undefined;
+  async remove(...list: readonly RecordingInfo[]): Promise<void> {
+    const gone: RecordingInfo[] = [];
+    for (const { id } of list) {
+      const deleted = await run(this.#app, recordingsApi.remove(id));
+      if (deleted === undefined) break; // the reason is in a band
+      gone.push(deleted);
+      this.#replace(deleted);
+      if (this.selected.peek() === id) this.selected.value = undefined;
+    }
+    if (gone.length > 0) this.gone.value = gone;
+    this.pickAll([]);
   }
 
-  async undelete(id: string): Promise<void> {
-    const back = await run(this.#app, recordingsApi.undelete(id));
-    if (back === undefined) return;
-    this.gone.value = undefined;
-    this.#replace(back);
-    this.selected.value = back.id;
+  async undelete(...ids: readonly string[]): Promise<void> {
+    for (const id of ids) {
+      const back = await run(this.#app, recordingsApi.undelete(id));
+      if (back === undefined) return;
+      this.gone.value = this.gone.peek().filter((one) => one.id !== id);
+      this.#replace(back);
+      this.pick(back.id);
+    }
   }
 
   /** Upload files one after the other, so that they do not share a slow line. */
@@ -131,7 +184,7 @@ export class Library {
       const outcome = await done;
       if (outcome.ok) {
         this.#replace(outcome.value);
-        this.selected.value = outcome.value.id;
+        this.pick(outcome.value.id);
         this.dismiss(key);
       } else change({ problem: outcome.problem });
     }

@@ -3,36 +3,28 @@ import { useEffect, useRef } from "preact/hooks";
 import {
   bytes,
   CATEGORIES,
-  dateWords,
   deviceName,
   knownDevices,
-  flaw,
   inCategory,
   length,
   countedValues,
   recordingTitle,
 } from "../../recordings/library-filter";
-import type { RecordingInfo } from "../../wire/recording-types";
+import type { LibraryStorage, RecordingInfo } from "../../wire/recording-types";
 import { Button } from "../../ui/controls/button";
-import { Card } from "../../ui/controls/card";
 import { IconButton } from "../../ui/controls/icon-button";
-import { Icon } from "../../ui/controls/icons";
 import { SearchField } from "../../ui/controls/search-field";
 import { Message } from "../../ui/controls/message";
 import type { App } from "../../page/context";
-import { Slot } from "../../extension/extension";
 import { TopBar } from "../top-bar";
-import { go, href } from "../../page/route";
 import { OfflineBand, ProblemBand } from "../empty-states";
 import { PageOverlays } from "../overlays";
 import { RecordingDetails } from "./details";
+import { ColumnMenu, RecordingList } from "./library-list";
+import { SelectionBar } from "./selection-bar";
 import { type Library, libraryOf } from "./library-store";
-import { TableHead } from "../../ui/controls/table-head";
-import { SimulatedTag } from "../../ui/controls/simulated-tag";
 import { COMMON } from "../../texts/common";
 import { TEXT } from "../../texts/recordings";
-import { css, surface } from "../../ui/dom/canvas";
-import { theme } from "../../ui/dom/theme";
 
 export interface RecordingProps {
   readonly app: App;
@@ -67,10 +59,13 @@ export function LibraryPage({ app }: { readonly app: App }) {
         <Tools app={app} />
         <Arrivals library={library} />
         <Gone library={library} />
-        <List app={app} />
+        <RecordingList app={app} />
+        <SelectionBar app={app} />
       </main>
       <aside class={`side ${app.sheet.value === "side" ? "open" : ""}`} id="side" aria-label={TEXT.thisRecording}>
-        {library.current.value ? (
+        {library.several.value.length > 1 ? (
+          <p class="foot-note dim padded">{TEXT.selectedCount(library.several.value.length)}</p>
+        ) : library.current.value ? (
           <RecordingDetails key={library.current.value.id} info={library.current.value} app={app} />
         ) : (
           <p class="foot-note dim padded">{TEXT.selectRecording}</p>
@@ -147,7 +142,26 @@ function Filters({ app }: { readonly app: App }) {
           </div>
         </>
       )}
+      <Storage of={library.storage.value} />
     </aside>
+  );
+}
+
+/** Disk space, at the foot of the filters. */
+function Storage({ of }: { readonly of: LibraryStorage | undefined }) {
+  if (of === undefined) return null;
+  const words = (n: number): string => {
+    const { value, unit } = bytes(n);
+    return `${value} ${unit}`;
+  };
+  const most = of.quota > 0 ? Math.min(of.quota, of.used + of.free) : of.used + of.free;
+  return (
+    <div class="storage">
+      <span>{TEXT.diskUsed(words(of.used))}</span>
+      <span>{TEXT.diskFree(words(of.free))}</span>
+      {of.quota > 0 && <span class="quota">{TEXT.quotaOf(words(of.quota))}</span>}
+      <progress value={of.used} max={most} aria-label={TEXT.diskShare} />
+    </div>
   );
 }
 
@@ -189,8 +203,19 @@ function Tools({ app }: { readonly app: App }) {
       <span class="grow desk" />
       <span class="dim desk total">
         {library.all.value !== undefined && TEXT.recordingCount(list.length)}
-        {seconds > 0 && ` · ${length(seconds)}`} {TEXT.newestFirst}
+        {seconds > 0 && ` · ${length(seconds)}`}
       </span>
+      <ColumnMenu library={library} />
+      <Button
+        look="edge phone"
+        words={library.isPicking.value ? COMMON.cancel : TEXT.select}
+        aria-pressed={library.isPicking.value}
+        onClick={() => {
+          const isBegun = !library.isPicking.peek();
+          library.pickAll([]);
+          library.isPicking.value = isBegun;
+        }}
+      />
       <input ref={files} type="file" multiple hidden onChange={take} aria-label={TEXT.filesToAdd} />
       <Button
         changes
@@ -234,162 +259,22 @@ function Arrivals({ library }: { readonly library: Library }) {
 
 function Gone({ library }: { readonly library: Library }) {
   const { gone } = library;
-  const deleted = gone.value;
-  if (!deleted) return null;
+  const [first, ...more] = gone.value;
+  if (!first) return null;
+  const name = more.length > 0 ? TEXT.recordingCount(more.length + 1) : recordingTitle(first);
   return (
     <div class="band calm" role="status">
-      <b class="ellipsis">{TEXT.recordingDeleted(recordingTitle(deleted))}</b>
+      <b class="ellipsis">{TEXT.recordingDeleted(name)}</b>
       <span class="mid">{TEXT.restorableFor7Days}</span>
       <span class="grow" />
-      <Button changes look="edge" icon="undo" words={TEXT.undo} onClick={() => void library.undelete(deleted.id)} />
-      <IconButton icon="close" label={COMMON.close} onClick={() => (gone.value = undefined)} />
-    </div>
-  );
-}
-
-function List({ app }: { readonly app: App }) {
-  const { all, shown, trouble } = libraryOf(app);
-  if (trouble.value && all.value === undefined)
-    return <Card title={TEXT.theListCouldNotBeLoaded} message={`${trouble.value.message} ${trouble.value.hint}`} />;
-  if (all.value === undefined) return <div class="recording-list" aria-busy="true" />;
-  if (all.value.length === 0) return <Card title={TEXT.noRecordingYet} message={TEXT.noRecordingHint} />;
-  if (shown.value.length === 0) return <Card title={TEXT.noMatches} message={TEXT.noMatchesHint} />;
-  return (
-    <div class="recording-list" tabIndex={0} role="region" aria-label={COMMON.recordings}>
-      <table>
-        <caption class="visually-hidden">{TEXT.recordingsNewestFirst}</caption>
-        <colgroup>
-          {["motion", "name", "devices", "length", "size", "loss", "tags"].map((name) => (
-            <col key={name} class={name} />
-          ))}
-        </colgroup>
-        <TableHead
-          of={[
-            ...[TEXT.motion, TEXT.recording, COMMON.devices],
-            ...[TEXT.length, TEXT.size].map((text) => ({ text, class: "num" })),
-            ...[COMMON.loss, TEXT.tags],
-          ]}
-        />
-        <tbody>
-          {shown.value.map((info) => (
-            <Row key={info.id} info={info} app={app} />
-          ))}
-        </tbody>
-      </table>
-    </div>
-  );
-}
-
-function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
-  const library = libraryOf(app);
-  const { selected } = library;
-  const { tone, words } = flaw(info);
-  const size = bytes(info.recording ? (app.store.recorder.value?.bytes ?? info.size) : info.size);
-  const pick = (): void => {
-    selected.value = info.id;
-  };
-  const devices = knownDevices(info)
-    .map(({ name, product }) => name || product)
-    .join(" + ");
-  const about = info.damaged || info.notes || info.file;
-  const open = !info.recording && info.deleted === null;
-  return (
-    <tr
-      class={selected.value === info.id ? "on" : ""}
-      onClick={pick}
-      onDblClick={() => open && go("recordings", info.id)}
-    >
-      <td>
-        <Thumb info={info} />
-      </td>
-      <td>
-        <b class="ellipsis">
-          {open ? (
-            <a href={href("recordings", info.id)} {...library.aboutToOpen(info)}>
-              {recordingTitle(info)}
-            </a>
-          ) : (
-            recordingTitle(info)
-          )}
-          {info.pinned && <Icon name="pin" />}
-        </b>
-        <small class="ellipsis">
-          {info.recording && (
-            <span class="tag recording-now">
-              <i class="record-dot" /> {TEXT.recordingNow}
-            </span>
-          )}
-          {tone !== "" && <span class={`tag ${tone} phone`}>{words}</span>}
-          <SimulatedTag of={info.devices.find(({ simulated }) => simulated)} />{" "}
-          <Slot name="recordingRow" with={{ app, info }} />
-          {about}
-        </small>
-      </td>
-      <td class="mid device-list" title={devices}>
-        <span>{devices || "—"}</span>
-      </td>
-      <td class="num">
-        {length(info.duration)}
-        <small>{dateWords(info.started)}</small>
-      </td>
-      <td class="num">
-        {size.value}
-        <span class="unit">{size.unit}</span>
-      </td>
-      <td>{tone === "" ? <span class="dim">{words}</span> : <span class={`tag ${tone}`}>{words}</span>}</td>
-      <td>
-        <span class="tags">
-          {info.tags.map((tag) => (
-            <span class="tag outlined" key={tag}>
-              {tag}
-            </span>
-          ))}
-        </span>
-        <IconButton
-          icon="dots"
-          label={TEXT.detailsOf(recordingTitle(info))}
-          class="phone show-details"
-          onClick={() => {
-            pick();
-            app.sheet.value = "side";
-          }}
-        />
-      </td>
-    </tr>
-  );
-}
-
-/** A loss is never narrower than this, px. */
-const LOSS_PX = 2;
-
-function Thumb({ info }: { readonly info: RecordingInfo }) {
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const { thumbnail, losses } = info;
-  const look = theme.value;
-  useEffect(() => {
-    if (!canvas.current) return undefined;
-    const to = surface(canvas.current, draw);
-    function draw(): void {
-      if (!to.begin()) return;
-      const [x, width, height] = [to.context, to.width(), to.height()];
-      const step = width / Math.max(1, thumbnail.length);
-      x.fillStyle = css("--ink-2");
-      thumbnail.forEach((pair, i) => {
-        const [a, b] = [pair[0] ?? 0, pair[1] ?? pair[0] ?? 0];
-        const tall = Math.max(1.5, Math.max(a, b) * (height - 4));
-        x.fillRect(i * step, (height - tall) / 2, Math.max(0.8, step * 0.7), tall);
-      });
-      if (thumbnail.length === 0) x.fillRect(0, height / 2 - 0.75, width, 1.5);
-      x.fillStyle = css("--loss");
-      for (const at of losses) x.fillRect(Math.min(width - LOSS_PX, at * width), 1, LOSS_PX, height - 2);
-    }
-    draw();
-    return () => to.dispose();
-  }, [thumbnail, losses, look]);
-  const lost = losses.length === 0 ? "" : TEXT.lostInPlaces(losses.length);
-  return (
-    <div class="thumbnail">
-      <canvas ref={canvas} role="img" aria-label={TEXT.motionOverTheRecording(lost)} />
+      <Button
+        changes
+        look="edge"
+        icon="undo"
+        words={TEXT.undo}
+        onClick={() => void library.undelete(...gone.peek().map(({ id }) => id))}
+      />
+      <IconButton icon="close" label={COMMON.close} onClick={() => (gone.value = [])} />
     </div>
   );
 }

@@ -313,7 +313,7 @@ test("the range between the cursors, else the one in view, becomes a recording t
   fireEvent.click(await screen.findByRole("button", { name: "Keep A to B" }));
   await waitFor(() => expect(asked.filter(({ path }) => path.endsWith("/keep")).length).toBe(2));
   const bodies = asked.filter(({ path }) => path.endsWith("/keep")).map(({ body }) => body);
-  expect(bodies[0]).toMatchObject({ t0: YARD.t0 + 1, t1: YARD.t0 + 4, title: "Yard loop, 00:01 to 00:04" });
+  expect(bodies[0]).toMatchObject({ t0: YARD.t0 + 1, t1: YARD.t0 + 4, title: "Yard loop, 00:01.0 to 00:04.0" });
   expect(bodies[1]).toMatchObject({ t0: YARD.t0 + 2, t1: YARD.t0 + 3, base: "device" });
 });
 

@@ -5,7 +5,7 @@ import { length, recordingTitle } from "../../recordings/library-filter";
 import type { ReplayController } from "../../recordings/replay-controller";
 import { Slot } from "../../extension/extension";
 import { recordingsApi } from "../../recordings/api";
-import type { KeepRequest, PlayRequest } from "../../wire/recording-types";
+import type { PlayRequest } from "../../wire/recording-types";
 import { Button } from "../../ui/controls/button";
 import { copyText } from "../../ui/dom/copy";
 import { Icon } from "../../ui/controls/icons";
@@ -51,24 +51,17 @@ function rangesOf(replay: ReplayController): readonly ExportRange[] {
   return [...(loop ? [{ name: TEXT.loopRange, t0: loop[0], t1: loop[1] }] : []), ...(seen.t1 > seen.t0 ? [seen] : [])];
 }
 
-/** What *Keep this range* keeps: between the cursors, else in view. */
-function keptRange(replay: ReplayController): Pick<KeepRequest, "t0" | "t1" | "base"> {
+/** Makes a recording of the range between the cursors, else of the one in view, and offers to open it. */
+async function keepRange({ replay, app }: OpenRecording): Promise<void> {
+  const { info } = replay.detail;
+  const { first, last } = replay.bounds;
   const { cursor, measure, view, actions } = replay.viewState;
   const { end, span, timeBase: base } = view.peek();
   const [a, b] = [cursor.peek()?.kind === "pinned" ? actions.cursorTime() : undefined, measure.peek()];
-  const range =
-    a !== undefined && b !== undefined ? { t0: Math.min(a, b), t1: Math.max(a, b) } : { t0: end - span, t1: end };
-  return { ...range, base };
-}
-
-/** Makes a recording of the range, and offers to open it. */
-export async function keepRange({ replay, app }: OpenRecording): Promise<void> {
-  const { info } = replay.detail;
-  const { first, last } = replay.bounds;
-  const range = keptRange(replay);
-  const [t0, t1] = [Math.max(first, range.t0), Math.min(last, range.t1)];
-  const title = TEXT.rangeOf(recordingTitle(info), length(t0 - first), length(t1 - first));
-  const kept = await run(app, recordingsApi.keep(info.id, { ...range, t0, t1, title }));
+  const [from, to] = a !== undefined && b !== undefined ? [Math.min(a, b), Math.max(a, b)] : [end - span, end];
+  const [t0, t1] = [Math.max(first, from), Math.min(last, to)];
+  const title = TEXT.rangeOf(recordingTitle(info), length(t0 - first, 1), length(t1 - first, 1));
+  const kept = await run(app, recordingsApi.keep(info.id, { t0, t1, base, title }));
   if (kept) showSaved(app, { id: kept.id, title: recordingTitle(kept) });
 }
 

@@ -5,6 +5,7 @@ interface Head {
   readonly text: ComponentChildren;
   readonly class?: string;
   readonly title?: string | undefined;
+  readonly "aria-sort"?: "ascending" | "descending" | "none";
 }
 
 interface Props {
@@ -18,7 +19,7 @@ export function TableHead({ of }: Props) {
       <tr>
         {of.map((one, column) => {
           const { text, ...rest } = typeof one === "string" ? { text: one } : one;
-          const named = typeof text === "string" && text !== "" ? { scope: "col" as const } : {};
+          const named = text !== "" ? { scope: "col" as const } : {};
           return (
             <th key={column} {...named} {...rest}>
               {text}

@@ -1,7 +1,8 @@
 // @vitest-environment happy-dom
 /** Code that is fetched when it is first shown. */
-import { act, render, screen } from "@testing-library/preact";
+import { act, fireEvent, render, screen } from "@testing-library/preact";
 import { beforeEach, expect, test, vi } from "vitest";
+import { useEffect, useRef } from "preact/hooks";
 import { late } from "./late";
 import { latePanel } from "./late-panel";
 
@@ -59,4 +60,25 @@ test("a panel that is shown while the server is away is there once it is back, u
   expect(mount.mock.results[0]?.value.update).toHaveBeenCalledWith(5);
   shown.dispose();
   expect(mount.mock.results[0]?.value.dispose).toHaveBeenCalled();
+});
+
+test("keys typed before a part is there go to its field", async () => {
+  const pressed = vi.fn();
+  addEventListener("keydown", pressed);
+  const found = vi.fn();
+  const Field = () => {
+    const field = useRef<HTMLInputElement>(null);
+    useEffect(() => field.current?.focus(), []);
+    return <input ref={field} type="search" onInput={({ currentTarget }) => found(currentTarget.value)} />;
+  };
+  const Late = late<object>(() => new Promise((resolve) => setTimeout(() => resolve(Field), 500)), null, true);
+  render(<Late />);
+  for (const key of ["r", "a", "x", "Backspace", " ", "z"]) fireEvent.keyDown(document.body, { key });
+  expect(pressed).not.toHaveBeenCalled();
+  await act(async () => void (await vi.advanceTimersByTimeAsync(2000))); // it is drawn, and has the focus
+  await act(async () => void (await vi.advanceTimersByTimeAsync(0)));
+  expect(found).toHaveBeenLastCalledWith("ra z");
+  fireEvent.keyDown(document.body, { key: "a" });
+  expect(pressed).toHaveBeenCalledTimes(1);
+  removeEventListener("keydown", pressed);
 });

@@ -4,7 +4,7 @@ import { signalNames } from "../figures";
 import { likeNames } from "../proposals";
 import type { Channel } from "../../../data/channels";
 import { isOpening, recordingsApi } from "../../../recordings/api";
-import { recordingTitle } from "../../../recordings/library-filter";
+import { distinctNames } from "../../../recordings/library-filter";
 import { listName } from "../../../wire/device-name";
 import type { RecordingDetail, RecordingInfo } from "../../../wire/recording-types";
 import { type HttpProblem, request } from "../../../requests/http";
@@ -137,16 +137,13 @@ export function missingSide({ app, details }: CompareModel, { a, b, signal: name
   return { side, names: likeNames([name], own[0]?.info.device, [...channelsOf(other).map(mark), ...own]) };
 }
 
-/** Title of a source; of recordings with the same title the time at which each began, too. */
+/** Name of a source. */
 export function sourceTitle(app: App, recordings: readonly RecordingInfo[] | undefined, source: string): string {
   const live = app.store.devices.value.find(({ id }) => id === source);
   const recording = recordings?.find(({ id }) => id === source);
   if (live) return listName(live);
   if (recording === undefined) return source;
-  const title = recordingTitle(recording);
-  const isAlone = recordings?.every((one) => one === recording || recordingTitle(one) !== title);
-  const began = new Date((recording.started ?? 0) * 1000).toISOString().slice(0, 19).replace("T", " ");
-  return isAlone || recording.started === null ? title : `${title} · ${began}`;
+  return distinctNames(recordings ?? []).get(recording) ?? source;
 }
 
 /** Begin and end of what a side can show, unix s. */

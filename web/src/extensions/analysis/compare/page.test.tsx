@@ -188,15 +188,24 @@ test("settings that agree are one sentence", async () => {
 });
 
 /** Regression: recordings of one device without titles of their own were all called like it. */
-test("recordings of one title are told apart by their times", async () => {
+test("untitled recordings are named by their time and device, and of one minute by their second", async () => {
   const devices = [{ id: "1", name: "MTi-630", product: "MTi-630" }];
-  const recordings = [1_760_000_000, 1_760_000_060].map((started, id) => ({
-    ...{ id: String(id + 7), title: "", file: "", devices, started, deleted: null, recording: false },
+  const recordings = [1_760_000_000, 1_760_000_005].map((started, id) => ({
+    ...{
+      id: `20251009T08532${id}Z`,
+      title: "",
+      notes: "",
+      file: "",
+      devices,
+      started,
+      deleted: null,
+      recording: false,
+    },
   }));
   open("a=1&al=30&b=2&bl=30&signal=Quaternion", { "GET /api/recordings": recordings });
-  const begun = (time: string) => screen.findAllByRole("option", { name: `MTi-630 · 2025-10-09 08:${time}` });
+  const begun = (time: string) => screen.findAllByRole("option", { name: `9 Oct 2025, 08:53 · MTi-630 · 08:${time}` });
   expect(await begun("53:20")).toHaveLength(2); // to choose as A, and as B
-  expect(await begun("54:20")).toHaveLength(2);
+  expect(await begun("53:25")).toHaveLength(2);
 });
 
 test("a refused comparison says why", async () => {

@@ -24,6 +24,10 @@ const SLOW_SHARE = 0.9;
 /** Free space at which a recording can soon not be continued, bytes. */
 const LITTLE_FREE = 2e9;
 
+/** Tone of the alarms of robots: red only if one of them is an error. */
+export const toneOfAlarms = (robots: readonly { readonly summary: RobotSummary }[]): Tone =>
+  robots.some(({ summary }) => raised(summary, "error") > 0) ? "bad" : "warn";
+
 /** Raised alarms. A level that this page does not know counts as a warning. */
 export const raised = (robot: RobotSummary, level: "error" | "warning"): number =>
   robot.alarms.reduce(

@@ -10,6 +10,7 @@ import { useCallback, useLayoutEffect, useRef } from "preact/hooks";
 import { Icon } from "../../../ui/controls/icons";
 import { COLUMNS } from "./columns";
 import type { Fleet } from "./fleet-state";
+import { toneOfAlarms } from "./conditions";
 import { type Line, inShown, type RobotFilter } from "./order";
 import { ageText, RobotRow } from "./row";
 import { usePhone } from "../../../ui/controls/use-phone";
@@ -228,7 +229,7 @@ interface Props {
 /** What is counted of a group, worst first. */
 const TOLD: readonly { readonly name: RobotFilter; readonly tone: string }[] = [
   { name: "lost", tone: "bad" },
-  { name: "alarms", tone: "bad" },
+  { name: "alarms", tone: "" },
   { name: "loss", tone: "warn" },
   { name: "fix", tone: "warn" },
   { name: "drifted", tone: "warn" },
@@ -251,7 +252,8 @@ function GroupRow({ id, index, line, fleet, isActive, isFolded, top, onFold }: P
           const n = robots.filter((robot) => inShown(robot, name)).length;
           return n === 0 ? null : (
             <span key={name} class="in-trouble">
-              <span class={`dot ${tone}`} /> {number(n, 0)} <span class="desk">{TEXT.shown[name].toLowerCase()}</span>
+              <span class={`dot ${tone || toneOfAlarms(robots)}`} /> {number(n, 0)}{" "}
+              <span class="desk">{TEXT.shown[name].toLowerCase()}</span>
             </span>
           );
         })}

@@ -24,7 +24,7 @@ import { Segmented, Select } from "../../../ui/controls/choices";
 import { IconButton } from "../../../ui/controls/icon-button";
 import { SearchField } from "../../../ui/controls/search-field";
 import { COLUMNS, columnNamed } from "./columns";
-import { CONDITIONS } from "./conditions";
+import { CONDITIONS, toneOfAlarms } from "./conditions";
 import { GROUPINGS, SHOWN, type RobotFilter } from "./order";
 import "./fleet.css";
 import "./phone.css";
@@ -174,9 +174,9 @@ const ALWAYS: ReadonlySet<RobotFilter> = new Set(["all", "live", "lost", "alarms
 
 const VIEWS = ["list", "map"] as const;
 
-const toneOf = (shown: RobotFilter): string => {
+const toneOf = (shown: RobotFilter, fleet: Fleet): string => {
   if (shown === "live" || shown === "all") return "";
-  if (shown === "alarms") return "bad";
+  if (shown === "alarms") return toneOfAlarms([...fleet.robots.all.values()]);
   return CONDITIONS.find(({ name }) => name === shown)?.tone ?? "";
 };
 
@@ -193,7 +193,7 @@ function Summary({ fleet }: Props) {
           class={counts[name] === 0 ? "none" : ""}
           onClick={() => fleet.choose({ shown: name === shown ? "all" : name })}
         >
-          {name !== "all" && <span class={`dot ${counts[name] > 0 ? toneOf(name) : "off"}`} />}
+          {name !== "all" && <span class={`dot ${counts[name] > 0 ? toneOf(name, fleet) : "off"}`} />}
           <b>{number(counts[name], 0)}</b> {TEXT.shown[name]}
         </button>
       ))}
