@@ -377,8 +377,8 @@ def library(studio: Studio) -> None:
         sidecar.write(path, sidecar.Edits(title or path.stem, tags, notes))
     with ServerProcess("udp://:0", data=folder.parent) as server, studio.page_of(server.url, "#/recordings") as page:
         until(page, f"document.querySelectorAll('.recording-list canvas').length === {len(DRIVES)}")
-        page.locator(".recording-list tbody tr .c-length").nth(1).click()
-        page.locator(".recording-list tbody tr .c-length").nth(3).click(modifiers=["Control"])
+        page.locator(".recording-list tbody tr [data-column=length]").nth(1).click()
+        page.locator(".recording-list tbody tr [data-column=length]").nth(3).click(modifiers=["Control"])
         until(page, "document.querySelector('.selection-bar') !== null")
         time.sleep(1)
         keep(page, "library")

@@ -360,7 +360,7 @@ def download_the_whole(page: Page) -> bytes:
 
 DRIVES = 6
 STARTED = 1_795_000_000
-ROWS = "[...document.querySelectorAll('tr[aria-rowindex] .c-name b')].map(one => one.textContent)"
+ROWS = "[...document.querySelectorAll('tr[aria-rowindex] [data-column=name] b')].map(one => one.textContent)"
 PICKED = "document.querySelectorAll('tr[aria-selected=true]').length"
 TEXTS = ".library :is(h2, h3, b, th, td, button, .btn, .unit, .tag, .storage span)"
 CUT = f"""() => [...document.querySelectorAll({TEXTS!r})]
@@ -401,8 +401,8 @@ def test_drives_are_sorted_selected_tagged_deleted_and_restored(
     page.reload()
     until(page, f"{ROWS}[0] === {newest[-1]!r}")  # the browser keeps it
     rows = page.locator("tr[aria-rowindex]:not(:has(th))")
-    rows.nth(1).locator(".c-length").click()
-    rows.nth(3).locator(".c-length").click(modifiers=["Shift"])
+    rows.nth(1).locator("[data-column=length]").click()
+    rows.nth(3).locator("[data-column=length]").click(modifiers=["Shift"])
     until(page, f"{PICKED} === 3")
     for width in (1440, 1280):
         page.set_viewport_size({"width": width, "height": 900})

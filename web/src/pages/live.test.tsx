@@ -25,7 +25,7 @@ test.each([
   expect(Math.abs(numeral("pitch") - pitch)).toBeLessThan(0.06);
   expect(document.querySelectorAll("[data-numeral]").length).toBe(3);
   expect(text(".numerals .segmented [aria-pressed=true]")).toBe(frame);
-  expect(text(".numerals .from")).toBe(source);
+  expect(text(".numerals .from")).toBe(`now, ${source}`);
 });
 
 test("a double click begins a recording, and does not end it", async () => {

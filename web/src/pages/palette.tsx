@@ -12,7 +12,7 @@ import { keyGroups } from "../page/keys";
 import { go, href, pagesOf, route } from "../page/route";
 import { putOn } from "../panels/signals/panel";
 import { recordingsApi } from "../recordings/api";
-import { dateWords, recordingMatches, recordingTitle } from "../recordings/library-filter";
+import { dateWords, recordingMatches, recordingTitle, wordsOf } from "../recordings/library-filter";
 import { request } from "../requests/http";
 import { treeRows } from "../signals/tree-rows";
 import { Dialog } from "../ui/controls/dialog";
@@ -75,14 +75,14 @@ export function CommandPalette({ app, onClose }: Props) {
       run: () => go("configure", device?.id, name, ...(place ? [place] : [])),
     }));
     const files = recordings.value
-      .filter((info) => recordingMatches(info, typed))
+      .filter((info) => recordingMatches(info, wordsOf(typed)))
       .map<Entry>((info) => ({
         kind: "recording",
         title: recordingTitle(info),
         about: dateWords(info.started),
         run: () => go("recordings", info.id),
       }));
-    const words = typed.toLowerCase().split(/\s+/);
+    const words = wordsOf(typed);
     const own = fixed.filter(({ kind, title, about = "" }) => {
       const text = `${TEXT.kinds[kind]} ${title} ${about}`.toLowerCase();
       return words.every((word) => text.includes(word));

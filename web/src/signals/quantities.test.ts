@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
-import { columnWords, searchWords, wordsOf } from "./quantities";
+import { columnWords, searchWords, quantityWords } from "./quantities";
 
 const found = (search: string, name: string, title: string, column: string, at = 0): boolean => {
-  const all = `${name} ${title} ${column} ${wordsOf({ name, title })} ${columnWords({ name, title }, column, at)}`;
+  const all = `${name} ${title} ${column} ${quantityWords({ name, title })} ${columnWords({ name, title }, column, at)}`;
   return searchWords(search).every((word) => all.toLowerCase().includes(word));
 };
 

@@ -30,7 +30,7 @@ const QUANTITIES: readonly Quantity[] = [
 ];
 
 /** Words by which a channel is found besides its own. */
-export function wordsOf({ name, title }: Pick<ChannelInfo, "name" | "title">): string {
+export function quantityWords({ name, title }: Pick<ChannelInfo, "name" | "title">): string {
   const own = `${name} ${title}`.replace(/([a-z])([A-Z])/g, "$1 $2");
   return QUANTITIES.filter(({ is }) => is.test(own))
     .map(({ words }) => words)

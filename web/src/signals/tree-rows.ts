@@ -3,7 +3,7 @@ import type { Channel } from "../data/channels";
 import { fullName, shortName } from "../wire/device-name";
 import type { DeviceInfo } from "../wire/types";
 import { plottable } from "./custom-plots";
-import { columnWords, searchWords, wordsOf } from "./quantities";
+import { columnWords, searchWords, quantityWords } from "./quantities";
 
 export interface TreeRow {
   /** Constant for the same device, channel or column. */
@@ -57,7 +57,7 @@ function channelRows(
   const { info } = channel;
   const key = `${device.id}/${info.name}`;
   const columns = plottable(channel);
-  const about = [fullName(device), info.title, info.name, info.group, info.unit, info.frame, wordsOf(info)];
+  const about = [fullName(device), info.title, info.name, info.group, info.unit, info.frame, quantityWords(info)];
   const found = columns.flatMap((c) => {
     const column = info.columns[c];
     return column &&

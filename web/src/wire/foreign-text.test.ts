@@ -16,6 +16,7 @@ const OWN = [
   "../extensions/fleet/questions/state.ts",
   "../extensions/viser/scene-frame.tsx",
   "../pages/configure/view-state.ts",
+  "../recordings/library-view.ts",
   "../workspace/last-state.ts",
   "../workspace/parts.ts",
 ];

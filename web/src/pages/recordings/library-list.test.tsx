@@ -66,9 +66,9 @@ test("columns are chosen", async () => {
   fireEvent.click(choice.getByLabelText("Markers"));
   fireEvent.click(choice.getByLabelText("Tags"));
   await waitFor(() => expect(head("Markers")).toBeTruthy());
-  expect(document.querySelector("th.c-tags")).toBeNull();
+  expect(document.querySelector("th[data-column=tags]")).toBeNull();
   fireEvent.click(choice.getByRole("button", { name: "Usual columns" }));
-  await waitFor(() => expect(document.querySelector("th.c-tags")).not.toBeNull());
+  await waitFor(() => expect(document.querySelector("th[data-column=tags]")).not.toBeNull());
 });
 
 test("of 2,000 recordings only the rows on screen are made, and a key reads each text once", async () => {
@@ -167,7 +167,7 @@ test("what was not read yet is a state of its own, and no loss", async () => {
   );
   expect(row("Run 1").querySelector("canvas")).toBeNull();
   expect(row("Run 1").textContent).toContain("not read yet");
-  expect(row("Run 1").querySelector(".c-loss")?.textContent).toBe("");
+  expect(row("Run 1").querySelector("[data-column=loss]")?.textContent).toBe("");
   const filters = within(find("#rail"));
   expect(filters.getByRole("button", { name: "With loss 1" })).toBeTruthy();
   fireEvent.click(filters.getByRole("button", { name: "Not read yet 1" }));

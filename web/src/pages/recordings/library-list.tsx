@@ -61,7 +61,7 @@ function Table({ app, library }: TableProps) {
   const box = useRef<HTMLDivElement>(null);
   const [first, rows, height] = [useSignal(0), useSignal(Math.ceil(innerHeight / ROW_PX)), useSignal(ROW_PX)];
   const list = library.shown.value;
-  const { columns, ...order } = library.view.value;
+  const { columns, ...order } = library.table.value;
   const shown: ReadonlySet<LibraryColumn> = new Set(columns ?? USUAL_COLUMNS);
   // what a row measures depends on the window; the room for them, too
   useLayoutEffect(() => {
@@ -94,12 +94,13 @@ function Table({ app, library }: TableProps) {
   const active = list.slice(from, to).find(({ id }) => id === at);
   const heads = LIBRARY_COLUMNS.filter(({ name }) => shown.has(name));
   const head = heads.map(({ name, title, isNumber, key }) => ({
-    class: `c-${name} ${isNumber ? "num" : ""}`,
+    "data-column": name,
+    class: isNumber ? "num" : "",
     text: key ? (
       <button
         type="button"
         title={TEXT.sortBy(title)}
-        onClick={() => library.look(sortedBy(library.view.peek(), name))}
+        onClick={() => library.look(sortedBy(library.table.peek(), name))}
       >
         {title}
         {order.by === name && <Icon name={order.isDescending ? "down" : "up"} />}
@@ -133,7 +134,7 @@ function Table({ app, library }: TableProps) {
         <colgroup>
           <col class="c-check" />
           {heads.map(({ name, width }) => (
-            <col key={name} class={`c-${name}`} style={width ? { width: `${width}px` } : {}} />
+            <col key={name} data-column={name} style={width ? { width: `${width}px` } : {}} />
           ))}
         </colgroup>
         <TableHead
@@ -328,7 +329,7 @@ function Row({ app, library, info, index, shown }: RowProps) {
       {LIBRARY_COLUMNS.map(
         (column) =>
           shown.has(column.name) && (
-            <td key={column.name} class={`c-${column.name} ${column.isNumber ? "num" : ""}`}>
+            <td key={column.name} data-column={column.name} class={column.isNumber ? "num" : ""}>
               {cells[column.name]()}
             </td>
           ),
@@ -394,7 +395,7 @@ function Thumb({ info }: { readonly info: RecordingInfo }) {
 
 /** The choice of columns; those that nobody chose give way where there is no room. */
 export function ColumnMenu({ library }: { readonly library: Library }) {
-  const now = library.view.value.columns ?? USUAL_COLUMNS;
+  const now = library.table.value.columns ?? USUAL_COLUMNS;
   const close = ({ currentTarget }: { readonly currentTarget: HTMLDetailsElement }): void => {
     currentTarget.open = false;
   };
@@ -417,7 +418,7 @@ export function ColumnMenu({ library }: { readonly library: Library }) {
               type="checkbox"
               checked={now.includes(name)}
               onChange={(event) =>
-                library.look(withLibraryColumn(library.view.peek(), name, event.currentTarget.checked))
+                library.look(withLibraryColumn(library.table.peek(), name, event.currentTarget.checked))
               }
             />
             {title}
@@ -427,7 +428,7 @@ export function ColumnMenu({ library }: { readonly library: Library }) {
           look="small"
           words={TEXT.usualColumns}
           onClick={() => {
-            const { columns: _, ...view } = library.view.peek();
+            const { columns: _, ...view } = library.table.peek();
             library.look(view);
           }}
         />

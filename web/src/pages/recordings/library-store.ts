@@ -35,14 +35,14 @@ export class Library {
   readonly picked = signal<ReadonlySet<string>>(new Set());
   /** Whether rows have boxes to select them where there is no room for them otherwise. */
   readonly isPicking = signal(false);
-  readonly view = signal(storedView());
+  readonly table = signal(storedView());
   readonly storage = signal<LibraryStorage | undefined>(undefined);
   /** The last deletion, until the next action. */
   readonly gone = signal<readonly RecordingInfo[]>([]);
   readonly coming = signal<readonly Coming[]>([]);
   readonly #names = computed(() => distinctNames(this.all.value ?? []));
   readonly nameOf = (info: RecordingInfo): string => this.#names.value.get(info) ?? recordingTitle(info);
-  readonly #sorted = computed(() => sortRecordings(this.all.value ?? [], this.view.value, this.nameOf));
+  readonly #sorted = computed(() => sortRecordings(this.all.value ?? [], this.table.value, this.nameOf));
   readonly shown = computed(() => chosen(this.#sorted.value, this.choice.value));
   /** The selected ones that are listed, in their order. */
   readonly several = computed(() => this.shown.value.filter(({ id }) => this.picked.value.has(id)));
@@ -63,7 +63,7 @@ export class Library {
   }
 
   look(view: LibraryView): void {
-    this.view.value = view;
+    this.table.value = view;
     storeView(view);
   }
 
