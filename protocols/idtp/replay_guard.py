@@ -8,7 +8,7 @@
 The first frame of a device is accepted whatever its number. "Newer" is meant modulo 2^32: taken literally, the document
 ("less than or equal to the last") would lock a device out for good when its number wraps.
 
-Weaker modes never lock a stronger one out, and one frame makes no old one of its own mode new: a frame that is newer
+Weaker modes never lock a stronger one out, and no frame makes an old one of its own mode new: a frame that is newer
 than all of its own and stronger modes, but not than the weaker ones, is accepted if these jumped (see "evidence"), or
 if it continues another such frame (1 to 16 further). The first is dropped as stale.
 
@@ -22,8 +22,6 @@ one. Therefore
                 that it was false. The first is dropped as stale; as soon as they are more than the frames accepted
                 since the jump, the sequence goes back to them, and the count of losses is corrected. No frame
                 that was accepted before the jump is accepted again.
-    beginning   8 old numbers in a row, from below 16 on, each continuing the one before (1 to 16 further), with no
-                accepted frame among them, are a restart. The first 7 are dropped as stale.
     silence     after 3 s without an accepted frame of its mode, an older number is a restart. Measured by arrival time,
                 so it never applies to a capture without arrival times.
 
@@ -66,8 +64,7 @@ MASK = 0xFFFFFFFF
 SILENCE_NS = 3_000_000_000
 
 SUDDEN_JUMP = 16  # a jump beyond it is settled only by the frames that follow; fewer are lost or overtaken every day
-SETTLING_FRAMES = 8  # frames accepted from a jump on that settle it; old ones that are a restart
-FIRST_NUMBERS = 16  # a device counts from 0; its first frames may be lost while it starts
+SETTLING_FRAMES = 8  # frames accepted from a jump on that settle it
 
 # State of each device: a row for each mode, at `device << 2 | mode`, with the newest frame of that mode or a stronger
 # one. A row is one cache line; memory is committed only to rows that are used. The fourth row keeps the mode of the
@@ -77,9 +74,9 @@ STATES = 8
 MAX_DEVICES = 1 << 18  # with their modes; memory is committed to those that send
 LAST_MODE = 3  # row of a device
 #   CANDIDATE  1 + the number of a dropped frame that the next may confirm; 0 for none
-#   BEFORE     the last number before a jump that is not settled; without one, the number that LAST was in such a RUN
+#   BEFORE     the last number before a jump that is not settled
 #   VOTES      frames accepted from the jump on; 0 if there is no such jump
-#   WITNESS    the last number of the evidence against the jump or for a restart, and RUN the number of its frames
+#   WITNESS    the last number of the evidence against the jump, and RUN the number of its frames
 
 # Verdicts like FRAME: after silence, by evidence, from far ahead, and against weaker modes.
 RESTARTED, RETURNED, CONFIRMED, OVERRULED = -1, -2, -3, -4
@@ -111,22 +108,6 @@ def _evidence(states: Ints, row: int, sequence: int) -> int:
     return int(states[at, RUN] > states[at, VOTES])
 
 
-@compiled(INT, TABLE, INT, INT)
-def _counts_again(states: Ints, row: int, sequence: int) -> int:
-    """Whether this old number, with those before it, is that of a device that counts from its beginning (1 or 0)."""
-    at = unsigned(row)
-    if states[at, VOTES]:
-        return 0
-    is_run = states[at, RUN] and states[at, BEFORE] == states[at, LAST]
-    if is_run and 0 < (sequence - states[at, WITNESS]) & MASK <= SUDDEN_JUMP:
-        states[at, RUN] = states[at, RUN] + 1
-    else:
-        states[at, RUN] = int(sequence < FIRST_NUMBERS)
-    states[at, WITNESS] = sequence
-    states[at, BEFORE] = states[at, LAST]
-    return int(states[at, RUN] >= SETTLING_FRAMES)
-
-
 @compiled(INT, TABLE, INT, INT, INT, INT)
 def _verdict(states: Ints, device: int, sequence: int, mode: int, arrival: int) -> int:
     """Verdict on one frame of a device that sent such a mode or a stronger one before."""
@@ -145,10 +126,8 @@ def _verdict(states: Ints, device: int, sequence: int, mode: int, arrival: int) 
     if 0 < ahead < HALF:
         states[at, CANDIDATE] = sequence + 1
         return FAR_AHEAD
-    if states[unsigned(device << 2 | LAST_MODE), LAST] >= SECURE:
-        return STALE
     silent = arrival - states[at, ACCEPTED_NS] >= SILENCE_NS
-    return RESTARTED if silent or _counts_again(states, row, sequence) else STALE
+    return RESTARTED if silent and states[unsigned(device << 2 | LAST_MODE), LAST] < SECURE else STALE
 
 
 @compiled(INT, TABLE, INT, INT, INT, INT)

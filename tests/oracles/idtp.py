@@ -144,17 +144,6 @@ class Track:
     before: int | None = None  # the last number before a jump that is not settled
     votes: int = 0  # frames accepted from it on
     run: list[int] = field(default_factory=list)  # numbers that contradict it, each continuing the one before
-    again: list[int] = field(default_factory=list)  # old ones since the last accepted one, from the first number on
-
-    def begins(self, number: int) -> bool:
-        """Whether this old number, with those before it, is of a device that restarted."""
-        if self.before is not None:
-            return False
-        if not self.again or not 0 < (number - self.again[-1]) % 2**32 <= SUDDEN:
-            self.again = []
-        if self.again or number < 16:
-            self.again.append(number)
-        return len(self.again) >= 8
 
     def skipped(self, number: int) -> bool:
         """Whether the jump that is not settled skipped this number."""
@@ -179,7 +168,7 @@ class Track:
                 self.before, self.votes = None, 0
         elif ahead > SUDDEN:
             self.before, self.votes, self.run = self.last, 1 + confirmed, []
-        self.last, self.candidate, self.again = number, None, []
+        self.last, self.candidate = number, None
 
 
 def judge(
@@ -190,7 +179,6 @@ def judge(
     """
     tracks: dict[tuple[int, int], Track] = {}
     good, bad = [], []
-    modes: dict[int, int] = {}  # of the last frame of each device
     for frame in frames:
         if frame.mode == SECURE and not keyed:
             good.append((frame, 0))
@@ -198,8 +186,6 @@ def judge(
         number = frame.sequence
         own, weakest = tracks.get((frame.device, frame.mode)), tracks.get((frame.device, LITE))
         verdict = "new" if own is None else _by_own(own, number, frame.mode)
-        if verdict == "stale" and max(frame.mode, modes[frame.device]) < SECURE and own and own.begins(number):
-            verdict = "restarted"
         older = weakest is not None and not _newer(number, weakest.last) and not weakest.skipped(number)
         if verdict == "new" and frame.mode and older:
             candidate = own.candidate if own else None
@@ -211,7 +197,6 @@ def judge(
         if verdict in ("stale", "far_ahead"):
             bad.append((frame.offset, verdict))
             continue
-        modes[frame.device] = frame.mode
         good.append((frame, _take(tracks, frame, verdict)))
     return good, bad
 
@@ -253,19 +238,13 @@ def _take(tracks: dict[tuple[int, int], Track], frame: OracleIdtpFrame, verdict:
         if track is None or track.last == -1:
             tracks[frame.device, mode] = Track(number)
             continue
-        back = verdict in ("returned", "overruled", "restarted")
+        back = verdict in ("returned", "overruled")
         accepted = 0
         if mode < frame.mode and verdict == "new" and not _newer(number, track.last):
             if not track.contradicted(number):
                 continue
             back, accepted = True, len(track.run) - 1
-        if (
-            mode == LITE
-            and back
-            and verdict not in ("overruled", "restarted")
-            and track.skipped(number)
-            and track.before is not None
-        ):
+        if mode == LITE and back and verdict != "overruled" and track.skipped(number) and track.before is not None:
             span = (track.last - track.before) % 2**32
             if span <= FAR_NUMBERS:
                 lost = (number - track.before) % 2**32 - 1 - accepted - (span - track.votes)

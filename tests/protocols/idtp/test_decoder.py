@@ -303,21 +303,6 @@ def test_a_device_that_restarts_resets_its_clock() -> None:
     assert (step.kind, step.device) == ("reset", "7")
 
 
-@each_row("mode", [LITE, SAFETY])
-def test_a_device_that_restarts_without_a_silence_is_decoded_again(mode: int) -> None:
-    """Regression: 200 intact frames were refused until 3 s had passed, or for good in a file without arrivals."""
-    before = [acc(n, mode, timestamp=90_000_000 + n) for n in range(1000, 1010)]
-    after = [acc(n, mode, timestamp=n) for n in range(3, 300)]
-    for options in ({}, {"arrivals": False}):
-        events = decode([*before, *after], **options)
-        assert shown(events) == [*range(1000, 1010), *range(10, 300)]
-        assert reasons(events) == ["stale"] * 7
-        assert missing(events) == 0
-        assert [one.kind for one in events if isinstance(one, ClockStep)] == ["reset"]
-    late = [*range(4, 8), 1010, *range(8, 14)]  # frames that are late, among new ones
-    assert reasons(decode([*before, *(acc(n, mode) for n in late)])) == ["stale"] * 10
-
-
 # -- versions, payloads, quaternions -----------------------------------------------------------------------------------
 
 
