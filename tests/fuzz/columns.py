@@ -77,9 +77,8 @@ def _compare(batch: Batch, fields: dict[str, Field], i: int, name: str, numbers:
     got = np.asarray(got)
     if field.column_major:
         got = got.swapaxes(0, 1)
-    shown = (
-        np.asarray(numbers) if field.scale == 1 and not field.bias else np.asarray(numbers) * field.scale + field.bias
-    )
+    is_sent = field.scale == 1 or field.sent_unit  # columns of another unit than the page's stay as they were sent
+    shown = np.asarray(numbers) if is_sent and not field.bias else np.asarray(numbers) * field.scale + field.bias
     if got.size > 1 and got.size < shown.size:
         shown = shown[: got.size]  # a list, as far as it is in use
     with np.errstate(all="ignore"):

@@ -110,7 +110,7 @@ def test_files_that_are_gone_are_not_remembered_as_examined(tmp_path: Path) -> N
     catalogue = Catalogue(bus, clients, library, ColumnCache(tmp_path, library.path), ForeignFiles())
     catalogue._listed = math.inf
     catalogue._tried = {(tmp_path / "gone.mcap", 1, 2.0, "")}
-    catalogue._open_newest([])
+    asyncio.run(catalogue._read_unread([]))
     assert not catalogue._tried
 
 

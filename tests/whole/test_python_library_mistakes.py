@@ -56,7 +56,7 @@ def public_calls(recording: Recording) -> Iterator[tuple[str, Callable[..., Any]
     signal = recording["gyr"]
     zeros, ones = np.zeros(3), np.eye(3)
     calibration = Calibration("gyroscope", "", "gyr", "rad/s", zeros, zeros, ones, 0.0, "", {}, ())
-    objects = (recording, signal, calibration, Server(cast(Any, Connection())))
+    objects = (recording, signal, calibration, Server(cast(Any, Connection()), "shown"))
     for name in imuscope.__all__:
         made = getattr(imuscope, name)
         if not inspect.isclass(made):
@@ -154,9 +154,9 @@ def test_the_end_of_a_connection_is_named(monkeypatch: pytest.MonkeyPatch) -> No
     refusal = {"op": "error", "message": "Too many clients.", "hint": "Close one."}
     for more, words in (((refusal,), "Too many clients. Close one."), (({"op": "x"},), "The connection has ended")):
         with pytest.raises(ImuscopeError, match=words):
-            next(Server(cast(Any, Connection(*more))).stream())
+            next(Server(cast(Any, Connection(*more)), "shown").stream())
     with pytest.raises(ImuscopeError, match="The connection is closed: connect again"):
-        next(Server(cast(Any, Connection())).stream())
+        next(Server(cast(Any, Connection()), "shown").stream())
 
     def refuse(*_: object, **__: object) -> None:
         raise InvalidHandshake("HTTP 401")

@@ -68,6 +68,7 @@ USUAL_STORIES: dict[str, Answer] = {
     "GET /api/recorder": {"op": "recorder", "running": False, "id": "", "title": "", "devices": [], "started": None}
     | {"bytes": 0, "behind_s": 0.0, "free": None, "seconds_left": None, "message": "", "hint": "", "headless": []},
     "GET /api/recorder/memory": [],
+    "GET /api/recorder/storage": {"used": 0, "free": 10**9, "quota": 0},
     "GET /api/uploads": {"enabled": False, "store": "", "robot": "", "problem": "", "recordings": []},
     "GET /api/map": {"tiles": False, "attribution": ""},
     "GET /api/views/scene": {"address": "/viser/"},

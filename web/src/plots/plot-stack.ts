@@ -421,7 +421,8 @@ class Stack implements Panel {
     const rest = under.reduce((sum, part) => sum + (part?.offsetHeight ?? 0), 0);
     const order = this.#state.plotOrder.peek();
     const sizes = this.#plots.map(({ spec, least }) => heightOf(order, spec.key) ?? least);
-    const least = rest + (this.#plots.length > 0 ? Math.max(...this.#plots.map((plot) => plot.least)) : 0);
+    const two = sizes.toSorted((a, b) => b - a).slice(0, 2);
+    const least = rest + two.reduce((sum, px) => sum + px, 0);
     const height = rest + sizes.reduce((sum, px) => sum + px, 0);
     const { plotsWish } = this.#state;
     const next = { height, least, grows: true, keys: this.#all.map(({ key }) => key) };

@@ -132,7 +132,7 @@ function Table({ app, library }: TableProps) {
           {TEXT.recordingsBy(LIBRARY_COLUMNS.find(({ name }) => name === order.by)?.title ?? "")}
         </caption>
         <colgroup>
-          <col class="c-check" />
+          <col data-column="check" />
           {heads.map(({ name, width }) => (
             <col key={name} data-column={name} style={width ? { width: `${width}px` } : {}} />
           ))}
@@ -140,7 +140,7 @@ function Table({ app, library }: TableProps) {
         <TableHead
           of={[
             {
-              class: "c-check",
+              "data-column": "check",
               text: (
                 <Check
                   label={TEXT.selectAll}
@@ -323,7 +323,7 @@ function Row({ app, library, info, index, shown }: RowProps) {
       onClick={press}
       onDblClick={() => canOpen(info) && go("recordings", info.id)}
     >
-      <td class="c-check">
+      <td data-column="check">
         <Check label={TEXT.selectRow(name)} isOn={isOn} set={() => library.pick(info.id, "toggled")} />
       </td>
       {LIBRARY_COLUMNS.map(

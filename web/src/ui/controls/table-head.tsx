@@ -5,6 +5,7 @@ interface Head {
   readonly text: ComponentChildren;
   readonly class?: string;
   readonly title?: string | undefined;
+  readonly "data-column"?: string;
   readonly "aria-sort"?: "ascending" | "descending" | "none";
 }
 
