@@ -23,7 +23,7 @@ const CATALOG = import.meta.glob<Record<string, unknown>>(
 
 /** Files with literals that resemble texts: benchmark, drawings, names used by devices and search. */
 const EXEMPT =
-  /plots\/(bench|synthetic)\.ts|ui\/(controls\/icons|format\/labels)\.tsx?|forms\/search\.ts|fixtures\.ts|panels\/value-groups\.ts/;
+  /plots\/(bench|synthetic)\.ts|ui\/(controls\/icons|format\/labels)\.tsx?|forms\/search\.ts|signals\/quantities\.ts|fixtures\.ts|panels\/value-groups\.ts/;
 /** Units and names that are the same in every language. */
 const UNIT =
   /^[\s·().,:%/×▲●○△+−\d-]*(Hz|Bd|B|B\/s|s|ms|S\/N|0x|dB-Hz|σ|imuscope|CSV|Parquet|MCAP|RRD|MTB|RAW)?[\s·().,:%/×-]*$/;

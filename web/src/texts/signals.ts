@@ -1,5 +1,6 @@
 /** Texts of the tree of signals, and of plots that the user puts together. */
 import type { Value } from "../wire/texts";
+import { count } from "./plural";
 
 export const TEXT = {
   // plots
@@ -25,7 +26,7 @@ export const TEXT = {
   plotFound: (name: Value) => `Plot ${name} on a new plot`,
   plotFoundHint: "Enter in the search field does it too",
   nothingChosen: "Select signals (Ctrl and Shift select several), or drag them onto a plot.",
-  severalSignals: (count: Value) => `${count} signals`,
+  severalSignals: (signals: number) => count(signals, "signal"),
   addedNew: (name: Value) => `On a new plot: ${name}.`,
   addedTo: (name: Value, plot: Value) => `On the plot ${plot}: ${name}.`,
   removedFrom: (name: Value, plot: Value) => `Off the plot ${plot}: ${name}.`,
