@@ -15,6 +15,7 @@ from tests.support.chromium import until
 
 PLACE = "document.querySelector('[data-panel=analysis]')"
 CURVES = "document.querySelectorAll('[data-panel=analysis] path.trace').length"
+OPAQUE = f"getComputedStyle({PLACE}.querySelector('.result')).opacity === '1'"  # it was dimmed until it was answered
 NUMBERS = [1, 2, 3, 4, 5]
 EDGES = """(() => {
   const stack = document.querySelector('.stack');
@@ -60,9 +61,11 @@ def test_figures_on_a_desktop_and_a_phone(open_page: Callable[..., Page]) -> Non
         assert box is not None
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         until(page, "/\\d Hz/.test(document.querySelector('.analysis-reading').innerText)")
+        until(page, OPAQUE)
         assert serious(page, PLACE) == []
         page.get_by_role("button", name="Allan deviation").click()
         until(page, f"{PLACE}.querySelectorAll('.analysis-verdicts li').length === {3 * len(STATES)}")
+        until(page, OPAQUE)
         assert serious(page, PLACE) == []
 
         page.set_viewport_size({"width": PHONE[0], "height": PHONE[1]})

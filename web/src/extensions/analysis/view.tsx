@@ -86,7 +86,10 @@ export function AnalysisView({ deps, source, title, prefix, isLive, only }: Prop
   const { range } = choice.value;
   const { name, body } = bodyOf(shown.value, choice.value, prefix);
   const grows = range === "everything" ? isLive : asked.startsWith("last");
+  const hasNone = choice.value.signals === ""; // no channel yet
+  const latest = hasNone ? "" : JSON.stringify([name, body, asked, source]);
   const ask = async (signal: AbortSignal): Promise<Outcome<Result> | undefined> => {
+    if (question !== latest) return undefined; // it would be the answer to the next question
     if (grows && document.visibilityState === "hidden") return undefined;
     const times = timesOf(range, viewState, plots.edge());
     const whole = { ...body, ...times, base: viewState.view.peek().timeBase, source };
@@ -95,14 +98,10 @@ export function AnalysisView({ deps, source, title, prefix, isLive, only }: Prop
     return { ok: true, value: { name, figures: outcome.value as readonly SignalFigures[], body: whole } };
   };
   const pauseMs = range === "everything" ? SLOW_MS : name === "spectrogram" ? HEAVY_MS : isLive ? LIVE_MS : RECORDED_MS;
-  const hasNone = choice.value.signals === ""; // no channel yet
   const typed = useRef(choice.value.signals);
   const isTyped = typed.current !== choice.value.signals;
   typed.current = choice.value.signals;
-  const question = useSpaced(
-    hasNone ? "" : JSON.stringify([name, body, asked, source]),
-    isTyped ? TYPED_MS : DRAGGED_MS,
-  );
+  const question = useSpaced(latest, isTyped ? TYPED_MS : DRAGGED_MS);
   const answered = useAnswer(question, ask, { everyMs: grows ? pauseMs : undefined });
   const pinned = useSignal<Result | undefined>(undefined);
   const xKind = choice.value.frequencyAxis;
