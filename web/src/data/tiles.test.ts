@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { beside, column, exchanged, leaves, pruned, type Split, withShares } from "./tiles";
+import { beside, column, exchanged, leaves, pruned, type Split, tilesOf, withShares } from "./tiles";
 
 const row = (...parts: Split["parts"]): Split => ({ along: "row", parts });
 
@@ -25,6 +25,12 @@ it("what is not shown has no room, and what came later stands at the end", () =>
   expect(pruned(row("a", "b"), ["a", "b", "new"])).toEqual(column([row("a", "b"), "new"]));
   expect(pruned(undefined, ["a"])).toEqual(column(["a"]));
   expect(pruned({ ...column(["a", "b"]), shares: [1, 3] }, ["b", "new"])).toEqual(column(["b", "new"]));
+});
+
+it("however deep panels were put into one another, the tree is read again", () => {
+  let tree = column(["p0"]);
+  for (let k = 1; k < 30; k += 1) tree = beside(tree, `p${k}`, `p${k - 1}`, k % 2 ? "right" : "bottom");
+  expect(tilesOf(JSON.parse(JSON.stringify(tree)))).toEqual(tree);
 });
 
 it("two panels change places, and a split its shares", () => {

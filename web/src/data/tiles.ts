@@ -113,8 +113,8 @@ export function withShares(tree: Split, path: readonly number[], shares: readonl
   return { ...tree, parts: tree.parts.map((one, k) => (k === first ? withShares(part, rest, shares) : one)) };
 }
 
-/** Splits within splits, at most; the deepest that half a screen has room for. */
-const MAX_DEPTH = 8;
+/** Splits within splits, at most: more than there are panels, each of which may add one. */
+const MAX_DEPTH = 64;
 
 /** The tree that JSON describes; undefined if it describes none. */
 export function tilesOf(json: Json): Split | undefined {

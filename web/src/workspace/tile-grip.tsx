@@ -4,7 +4,7 @@
  */
 import { type Area, areaOf, type Layout, maximise, moveTo, show, tile } from "../data/layout";
 import { freeTile, inTile, PLOTS_TILE, tileOf } from "../data/plot-order";
-import type { Edge } from "../data/tiles";
+import { type Edge, EDGES } from "../data/tiles";
 import type { DragOut } from "../plots/plot-grips";
 import type { PanelDefinition } from "../panels/registry";
 import { TEXT } from "../texts/workspace";
@@ -45,7 +45,7 @@ const isWithin = ({ left, right, top, bottom }: DOMRect, x: number, y: number): 
 export function nearestEdge({ left, top, width, height }: Omit<DOMRect, "toJSON">, x: number, y: number): Edge {
   const [right, down] = [(x - left) / width, (y - top) / height];
   const away = { left: right, right: 1 - right, top: down, bottom: 1 - down };
-  return (Object.keys(away) as Edge[]).reduce((best, edge) => (away[edge] < away[best] ? edge : best));
+  return EDGES.reduce((best, edge) => (away[edge] < away[best] ? edge : best));
 }
 
 /** What a drop at a point does; undefined: nothing. */
