@@ -4,7 +4,7 @@
  */
 import { useComputed, useSignal } from "@preact/signals";
 import { useEffect, useId, useRef } from "preact/hooks";
-import { indexOf, search } from "../forms/search";
+import { type Index, indexOf, search } from "../forms/search";
 import { isShown, show } from "../data/layout";
 import type { App, Deps } from "../page/context";
 import { select, shownPlots } from "../page/app-state";
@@ -68,26 +68,13 @@ export function CommandPalette({ app, onClose }: Props) {
       ...devices(app),
     ];
     if (typed === "") return fixed;
-    const settings = search(index.value, typed).map<Entry>(({ kind, name, title, group, at: place }) => ({
-      kind,
-      title,
-      about: group,
-      run: () => go("configure", device?.id, name, ...(place ? [place] : [])),
-    }));
-    const files = recordings.value
-      .filter((info) => recordingMatches(info, wordsOf(typed)))
-      .map<Entry>((info) => ({
-        kind: "recording",
-        title: recordingTitle(info),
-        about: dateWords(info.started),
-        run: () => go("recordings", info.id),
-      }));
     const words = wordsOf(typed);
     const own = fixed.filter(({ kind, title, about = "" }) => {
       const text = `${TEXT.kinds[kind]} ${title} ${about}`.toLowerCase();
       return words.every((word) => text.includes(word));
     });
-    const parts = [own, signals(deps, typed), settings, files].map((part) => part.slice(0, MAX_OF_KIND));
+    const others = [signals(deps, typed), settings(index.value, typed, device?.id), files(recordings.value, words)];
+    const parts = [own, ...others].map((part) => part.slice(0, MAX_OF_KIND));
     return parts.flat().slice(0, MAX_LINES);
   });
   const chosen = Math.min(at.value, found.value.length - 1);
@@ -198,7 +185,25 @@ const devices = (app: App): readonly Entry[] =>
     },
   }));
 
-/** Signals that match, for a plot of their own. */
+const settings = (index: Index, typed: string, device: string | undefined): readonly Entry[] =>
+  search(index, typed).map(({ kind, name, title, group, at }) => ({
+    kind,
+    title,
+    about: group,
+    run: () => go("configure", device, name, ...(at ? [at] : [])),
+  }));
+
+const files = (all: readonly RecordingInfo[], words: readonly string[]): readonly Entry[] =>
+  all
+    .filter((info) => recordingMatches(info, words))
+    .map((info) => ({
+      kind: "recording",
+      title: recordingTitle(info),
+      about: dateWords(info.started),
+      run: () => go("recordings", info.id),
+    }));
+
+/** Signals that match, for a plot of their own; of two with one title each names its message. */
 function signals({ store, viewState }: Deps, typed: string): readonly Entry[] {
   const { customPlots, view } = viewState;
   const rows = treeRows(store.devices.value, store.channels.value, new Set(), typed);
@@ -207,7 +212,7 @@ function signals({ store, viewState }: Deps, typed: string): readonly Entry[] {
     .map((row) => ({
       kind: "signal",
       title: row.level === 3 ? `${row.channel?.info.title ?? ""} ${row.name}` : row.name,
-      about: fullName(row.device),
+      about: [fullName(row.device), row.channel?.info.group].filter(Boolean).join(" · "),
       run() {
         const { plots } = putOn(customPlots.peek(), [row], undefined, view.peek().device ?? "");
         if (plots) customPlots.value = plots;

@@ -1,6 +1,6 @@
 /** The middle of the page: attitude, plots, and whatever else was put there, as the tiles of the layout. */
 import { useSignal } from "@preact/signals";
-import type { ComponentChildren } from "preact";
+import type { ComponentChildren, RefObject } from "preact";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import type { App, Deps } from "../page/context";
 import type { PanelDefinition } from "../panels/registry";
@@ -49,14 +49,9 @@ function wishes(layout: Layout, panels: readonly PanelDefinition[], plots: Wish)
   };
 }
 
-export function MainColumn({ app, deps, mountPlots, children, under }: Props) {
-  const session = sessionOf(app, deps.viewState);
-  const all = panelsOf(deps);
-  const layout = deps.viewState.layout.value;
-  const tree = treeOf(layout, all);
-  const host = useRef<HTMLDivElement>(null);
+/** Width and height inside an element, px; follows them. Known before the first paint. */
+function useRoom(host: RefObject<HTMLElement | null>): readonly [width: number, height: number] {
   const room = useSignal<readonly [width: number, height: number]>([0, 0]);
-  const isPhone = usePhone();
   useLayoutEffect(() => {
     const box = host.current;
     if (!box) return undefined;
@@ -68,8 +63,18 @@ export function MainColumn({ app, deps, mountPlots, children, under }: Props) {
     watch.observe(box);
     measure();
     return () => watch.disconnect();
-  }, [room]);
-  const placed = arrangement(tree, ...room.value, wishes(layout, all, deps.viewState.plotsWish.value));
+  }, [host, room]);
+  return room.value;
+}
+
+export function MainColumn({ app, deps, mountPlots, children, under }: Props) {
+  const session = sessionOf(app, deps.viewState);
+  const all = panelsOf(deps);
+  const layout = deps.viewState.layout.value;
+  const tree = treeOf(layout, all);
+  const host = useRef<HTMLDivElement>(null);
+  const isPhone = usePhone();
+  const placed = arrangement(tree, ...useRoom(host), wishes(layout, all, deps.viewState.plotsWish.value));
   const styleOf = (box: Box | undefined): Record<string, string> =>
     isPhone || box === undefined ? {} : Object.fromEntries(Object.entries(box).map(([side, px]) => [side, `${px}px`]));
   const shown = leaves(tree).flatMap((id) => all.filter((panel) => panel.id === id));
